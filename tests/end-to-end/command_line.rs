@@ -1,6 +1,6 @@
 //! The command as a user sees it: its results for good input, and its messages about bad input.
 
-use crate::support::{Bench, RATE_HZ, all_pole, holds, integers, json, noise, rig_of, scaled, two_textures, wav};
+use crate::support::{Bench, RATE_HZ, all_pole, holds, integers, noise, rig_of, scaled, two_textures, wav};
 
 /// A set of two textures at two speeds and forces, on two axes. The second axis is weak.
 fn small_set() -> Bench {
@@ -44,7 +44,7 @@ fn recordings_become_a_library_that_is_judged_inspected_and_rendered() {
 #[test]
 fn reports_for_scripts_are_json() {
     let bench = small_set();
-    let report = json(&bench.succeed("fit set --out textures.lib --json"));
+    let report = bench.json("fit set --out textures.lib --json");
     assert_eq!(report["trials"].as_array().unwrap().len(), 8);
     let trial = &report["trials"][0];
     assert!(trial["energy_share"].as_f64().unwrap() > 0.98);
@@ -62,7 +62,7 @@ fn reports_for_scripts_are_json() {
                 .all(|node| node["order"].is_u64())
         );
     }
-    let content = json(&bench.succeed("inspect textures.lib --json"));
+    let content = bench.json("inspect textures.lib --json");
     assert_eq!(content["textures"][0]["nodes"].as_array().unwrap().len(), 4);
 }
 
@@ -191,7 +191,7 @@ fn holes_are_filled_and_flagged_and_dropped_trials_are_holes() {
     let list = String::from_utf8(bench.read("set/trials.csv")).unwrap();
     let rest = list.lines().filter(|line| !line.starts_with("silk-50-1."));
     bench.write("set/trials.csv", rest.collect::<Vec<_>>().join("\n"));
-    let report = json(&bench.succeed("fit set --out a.lib --json"));
+    let report = bench.json("fit set --out a.lib --json");
     assert_eq!(report["textures"][0]["filled_nodes"], 1);
     assert_eq!(report["textures"][1]["filled_nodes"], 0);
 }
@@ -205,14 +205,14 @@ fn any_pcm_or_float_wav_and_csv_give_the_same_model() {
         bench.write(&format!("pcm{bits}.wav"), integers(&signal, bits));
     }
     bench.write("double.wav", double_wav(&signal));
-    let rows = (0..).zip(&signal);
-    let rows = rows.map(|(n, x)| format!("{},{x}\n", f64::from(n) / f64::from(RATE_HZ)));
+    let rows = (0..)
+        .zip(&signal)
+        .map(|(n, x)| format!("{},{x}\n", f64::from(n) / f64::from(RATE_HZ)));
     bench.write("table.csv", "time_s,x_m_s2\n".to_owned() + &rows.collect::<String>());
     bench.succeed("fit float.wav pcm16.wav pcm24.wav pcm32.wav double.wav table.csv --out a.lib --order 10");
     let bytes = bench.read("a.lib");
     let library = model_format::Library::decode(&bytes).unwrap();
-    let powers = library.textures().map(|t| t.node(0, 0).output_power);
-    let powers: Vec<f32> = powers.collect();
+    let powers: Vec<f32> = library.textures().map(|t| t.node(0, 0).output_power).collect();
     assert_eq!(powers.len(), 6);
     for power in &powers {
         assert!((power / powers[0] - 1.0).abs() < 1e-3, "{powers:?}");

@@ -34,8 +34,10 @@ impl<'a> Operator<'a> {
     /// Waits until the command prints `words`, and returns the line.
     fn until(&mut self, words: &str) -> String {
         let said = |line: &std::io::Result<String>| line.as_ref().unwrap().contains(words);
-        let found = self.said.find(said);
-        found.unwrap_or_else(|| panic!("'{words}' is not said")).unwrap()
+        self.said
+            .find(said)
+            .unwrap_or_else(|| panic!("'{words}' is not said"))
+            .unwrap()
     }
 
     fn answer(&mut self, words: &str, answer: &str) {
@@ -85,7 +87,7 @@ impl<'a> Operator<'a> {
 }
 
 fn value(bench: &Bench, setting: &str) -> f64 {
-    let got = json(&bench.succeed(&format!("settings get {setting} --json")));
+    let got = bench.json(&format!("settings get {setting} --json"));
     got[0]["value"].as_f64().unwrap()
 }
 

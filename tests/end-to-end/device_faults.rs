@@ -19,7 +19,7 @@ fn bench() -> (FakeStylus, Bench, Vec<u8>) {
 }
 
 fn upload(bench: &Bench) -> Value {
-    json(&bench.succeed("upload a.lib --json --activate"))
+    bench.json("upload a.lib --json --activate")
 }
 
 #[test]
@@ -253,8 +253,7 @@ fn the_last_library_that_can_be_read_is_replaced_only_where_the_user_asks_for_it
     bench.succeed("upload b.lib");
     // The active library continues to play from RAM, but its slot cannot be read any more.
     stylus.damage(0, Damage::Faulting);
-    let refused = bench.refuse("upload c.lib");
-    holds(&refused, &["activate slot B", "--replace-last"]);
+    holds(&bench.refuse("upload c.lib"), &["activate slot B", "--replace-last"]);
     let uploaded = bench.run("upload c.lib --replace-last");
     assert!(uploaded.status.success(), "{uploaded:?}");
     holds(&text(&uploaded.stderr), &["without one"]);

@@ -62,8 +62,11 @@ pub mod port {
 fn a_port_that_another_program_uses_is_said_to_be_in_use() {
     let stylus = FakeStylus::start();
     let mut port = port::before(stylus.port());
-    let held = port.held.as_mut().expect("it is held from the beginning");
-    held.set_exclusive(true).unwrap();
+    port.held
+        .as_mut()
+        .expect("it is held from the beginning")
+        .set_exclusive(true)
+        .unwrap();
     let refused = Bench::new().refuse(&format!("status --link serial:{}", port.name));
     holds(&refused, &["in use by ", "close that program"]);
 }
@@ -97,8 +100,7 @@ pub fn at_a_desk() -> Bench {
     let bench = Bench::new();
     let run = bench.path("run");
     let mut folder = DirBuilder::new();
-    let folder = folder.recursive(true).mode(0o700);
-    folder.create(run.join("stylus")).unwrap();
+    folder.recursive(true).mode(0o700).create(run.join("stylus")).unwrap();
     bench.with("XDG_RUNTIME_DIR", run.display().to_string())
 }
 
@@ -122,8 +124,7 @@ fn what_is_attached_is_listed_and_the_only_one_is_used() {
     let link = stylus.link();
     let run = |arguments: &[&str]| desk.command(arguments.iter().copied()).output().unwrap();
     let none = run(&["status"]);
-    let message = refusal(&none, "status");
-    holds(&message, &["no stylus is attached: plug one in"]);
+    holds(&refusal(&none, "status"), &["no stylus is attached: plug one in"]);
     let listed = run(&["devices"]);
     assert_eq!(listed.status.code(), Some(0));
     assert_eq!(text(&listed.stdout), "");

@@ -2,18 +2,10 @@
 
 use std::time::Duration;
 
-use fake_stylus::library::library;
-use fake_stylus::{FakeStylus, Hand};
+use fake_stylus::Hand;
 
-use crate::support::{Bench, attached, holds, play_for, text};
-
-/// A stylus with an active library, and a folder.
-fn ready() -> (FakeStylus, Bench) {
-    let (stylus, bench) = attached(FakeStylus::start());
-    bench.write("a.lib", library(1, 20, 1));
-    bench.succeed("upload a.lib --activate");
-    (stylus, bench)
-}
+use crate::device_commands::ready;
+use crate::support::{holds, play_for, text};
 
 #[cfg(unix)]
 #[test]

@@ -17,8 +17,7 @@ fn hand(speed_mm_s: f64, force_n: f64) -> Hand {
     let seed = (speed_mm_s * 10.0 + force_n) as u64;
     let vibration = all_pole(&[-1.2, 0.7], &noise(seed, 25_000));
     let code = |x: f64| (32_768.0 + 900.0 * x).round().clamp(0.0, 65_535.0) as u16;
-    let codes = vibration.iter();
-    let codes = codes.map(|&x| [code(x), code(0.5 * x), code(-0.3 * x)]);
+    let codes = vibration.iter().map(|&x| [code(x), code(0.5 * x), code(-0.3 * x)]);
     Hand {
         speed_mm_s,
         force_n,
@@ -258,7 +257,7 @@ fn ctrl_c_ends_a_trial_without_a_trace_of_it() {
     assert_eq!(report["left_out"], 1);
     assert_eq!(report["recorded"], Value::Array(vec![]));
     assert!(!bench.path("set/trials.csv").exists());
-    let status = json(&bench.succeed("status --json"));
+    let status = bench.json("status --json");
     assert_eq!(status["status"]["record"]["recording"], false);
 }
 
@@ -283,8 +282,11 @@ fn columns(bench: &Bench, name: &str) -> Vec<[f64; 6]> {
     let text = text(&bench.read(name));
     let rows = text.lines().filter(|line| !line.starts_with(['#', 't']));
     let row = |line: &str| -> [f64; 6] {
-        let fields = line.split(',').map(|field| field.parse().unwrap());
-        fields.collect::<Vec<f64>>().try_into().unwrap()
+        line.split(',')
+            .map(|field| field.parse().unwrap())
+            .collect::<Vec<f64>>()
+            .try_into()
+            .unwrap()
     };
     rows.map(row).collect()
 }
@@ -295,7 +297,7 @@ fn a_free_hands_strokes_are_recorded_cut_and_fitted() {
     for (name, speed, force) in [("a.csv", 120.0, 1.0), ("b.csv", 60.0, 0.6)] {
         stylus.set_hand(hand(speed, force));
         let record = format!("record {name} --strokes --seconds 1.5 --json");
-        let recorded = json(&bench.succeed(&record));
+        let recorded = bench.json(&record);
         assert_eq!(recorded["lost_samples"], 0);
         assert_eq!(recorded["seconds"], 1.5);
         let rows = columns(&bench, name);
@@ -304,8 +306,9 @@ fn a_free_hands_strokes_are_recorded_cut_and_fitted() {
         let pins = hand(speed, force).acceleration;
         let codes = |row: &[f64; 6]| [1, 2, 3].map(|axis| (row[axis] / scale).round() as i64 + 32_768);
         let pin = |at: usize| pins[at % pins.len()].map(i64::from);
-        let begins = (0..pins.len()).find(|&at| (0..20).all(|n| pin(at + n) == codes(&rows[n])));
-        let begins = begins.expect("the first samples were on the pins");
+        let begins = (0..pins.len())
+            .find(|&at| (0..20).all(|n| pin(at + n) == codes(&rows[n])))
+            .expect("the first samples were on the pins");
         for (n, row) in rows.iter().enumerate() {
             assert_eq!(codes(row), pin(begins + n), "{name}, sample {n}");
             near(row[4], speed, 0.02 * speed);
@@ -336,8 +339,7 @@ fn ctrl_c_ends_strokes_and_keeps_them_and_what_the_link_loses_is_a_hole() {
     // Time continues in the holes, and the speed and force next to them are right.
     for (n, row) in rows.iter().enumerate() {
         near(row[0], n as f64 / 5000.0, 1e-9);
-        let is_right = row[4].is_nan() || (row[4] - 100.0).abs() < 3.0;
-        assert!(is_right, "sample {n}: {row:?}");
+        assert!(row[4].is_nan() || (row[4] - 100.0).abs() < 3.0, "sample {n}: {row:?}");
     }
 }
 

@@ -4,7 +4,7 @@ use std::cell::Cell;
 use std::thread;
 use std::time::Duration;
 
-use crate::support::{attached, connected, holds, json};
+use crate::support::{attached, connected, holds};
 use fake_stylus::FakeStylus;
 use fake_stylus::device::response_for;
 use fake_stylus::library::texture;
@@ -24,8 +24,7 @@ fn a_response_is_proved_by_a_probe_stored_shown_and_removed() {
     let device = connected(&stylus);
     let response = response_for(&device.settings().unwrap());
     let id = device.propose_response(&response).unwrap();
-    let period = (0..MAX_PROBE_SAMPLES as i16).map(|n| n.wrapping_mul(7_919));
-    let period: Vec<i16> = period.collect();
+    let period: Vec<i16> = (0..MAX_PROBE_SAMPLES as i16).map(|n| n.wrapping_mul(7_919)).collect();
     let crc32 = device.load_probe(&period).unwrap();
     let start = ProbeStart {
         through: ProbeThrough::Proposed,
@@ -71,7 +70,7 @@ fn a_response_is_proved_by_a_probe_stored_shown_and_removed() {
     let device = connected(&stylus);
     device.set_response(ResponseChange::Clear { id }).unwrap();
     drop(device);
-    assert_eq!(json(&bench.succeed("status --json"))["response"], Value::Null);
+    assert_eq!(bench.json("status --json")["response"], Value::Null);
 }
 
 #[test]

@@ -99,12 +99,11 @@ fn traffic_is_tested_while_a_texture_is_played_silently() {
     let (record, code) = test(&bench, "--bare");
     assert_eq!(code, 0, "{record:#}");
     let lines = record["lines"].as_array().expect("lines");
-    let loaded = lines.iter().find(|line| {
-        let name = line["name"].as_str().expect("a name");
-        name.ends_with("kernel loaded")
-    });
+    let loaded = lines
+        .iter()
+        .find(|line| line["name"].as_str().expect("a name").ends_with("kernel loaded"));
     assert_eq!(loaded.expect("it is there")["value"], "by texture 0");
-    let status = json(&bench.succeed("status --json"));
+    let status = bench.json("status --json");
     assert_eq!(status["status"]["output"]["activity"], "Idle");
     assert_eq!(status["status"]["record"]["recording"], false);
 }
@@ -125,10 +124,12 @@ fn a_line_of_the_encoder_that_is_stuck_is_named() {
             moves: true,
             ..Options::default()
         };
-        let lines = self_test::run(&device, &options, |_| ()).unwrap();
-        let failing = lines.into_iter();
-        let failing = failing.filter(|line| line.verdict == Verdict::Fail);
-        failing.map(|line| line.name).collect::<Vec<_>>()
+        self_test::run(&device, &options, |_| ())
+            .unwrap()
+            .into_iter()
+            .filter(|line| line.verdict == Verdict::Fail)
+            .map(|line| line.name)
+            .collect::<Vec<_>>()
     };
     // The first speed is in step with nothing. At the second speed the tool moves by 20 counts, five periods of both
     // lines, in each block of a recording.

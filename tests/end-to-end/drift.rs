@@ -35,14 +35,15 @@ fn axes(rate_hz: u32, drift: f64, seed: u64) -> ([Vec<f64>; 3], f64) {
     let scale = drift * LEVEL / (tones.len() as f64 / 2.0).sqrt();
     let motion = |n: usize| -> f64 {
         let time_s = n as f64 / f64::from(rate_hz);
-        let tones = tones.iter();
-        let tones = tones.map(|&(hz, phase)| (TAU * (hz * time_s + phase)).sin());
+        let tones = tones.iter().map(|&(hz, phase)| (TAU * (hz * time_s + phase)).sin());
         scale * tones.sum::<f64>()
     };
     let motion: Vec<f64> = (0..count).map(motion).collect();
     let axis = |index: usize| -> Vec<f64> {
-        let both = texture.iter().zip(&motion);
-        both.map(|(x, slow)| TEXTURE[index] * factor * x + DRIFT[index] * slow + GRAVITY_M_S2[index])
+        texture
+            .iter()
+            .zip(&motion)
+            .map(|(x, slow)| TEXTURE[index] * factor * x + DRIFT[index] * slow + GRAVITY_M_S2[index])
             .collect()
     };
     (std::array::from_fn(axis), factor)
@@ -69,11 +70,13 @@ fn errors(played: &[f64], rate_hz: u32, factor: f64, share: f64) -> (f64, f64) {
     let a = surface(rate_hz);
     let power = |low: f64, high: f64| share * factor.powi(2) * power_between(&a, rate_hz, low, high);
     let highest_hz = (0.4 * f64::from(rate_hz)).min(1_000.0);
-    let bands = band_powers(played, 5_000.0).into_iter().enumerate();
-    let worst = bands.filter_map(|(band, found)| {
-        let (low, high) = band_edges_hz(band);
-        (low > 28.0 && high < highest_hz).then(|| decibels(found / power(low, high)).abs())
-    });
+    let worst = band_powers(played, 5_000.0)
+        .into_iter()
+        .enumerate()
+        .filter_map(|(band, found)| {
+            let (low, high) = band_edges_hz(band);
+            (low > 28.0 && high < highest_hz).then(|| decibels(found / power(low, high)).abs())
+        });
     let half_hz = (f64::from(rate_hz) / 2.0).min(2_500.0);
     let level = decibels(mean_square(played) / power(0.0, half_hz));
     (worst.fold(0.0, f64::max), level)

@@ -52,8 +52,7 @@ fn a_set_without_inner_nodes_is_told_what_it_lacks() {
     let bench = Bench::new();
     let signal = noise(1, 10_000);
     bench.write("a.wav", wav(&[&signal], RATE_HZ));
-    let refused = bench.refuse("evaluate a.wav --leave-one-out");
-    holds(&refused, &["three speeds"]);
+    holds(&bench.refuse("evaluate a.wav --leave-one-out"), &["three speeds"]);
 }
 
 /// Two recordings of noise without structure. A model of high order learns only their random details.
@@ -96,8 +95,7 @@ fn what_a_model_was_fitted_to_does_not_judge_it() {
     assert_eq!(takes["trials"][0]["judge"], "other_take");
     // This is the same recording at a quarter of its level.
     let loud = "evaluate two --scale 0.25 --library felt.lib --json-out loud.json --full";
-    let said = bench.succeed(loud);
-    holds(&said, &["JND off (target", "dB too strong at", "silent"]);
+    holds(&bench.succeed(loud), &["JND off (target", "dB too strong at", "silent"]);
     let distance = |figures: &serde_json::Value| figures["trials"][0]["log_spectral_distance_db"].as_f64().unwrap();
     // The same recording judges the same synthesis. Segments last 0.5 s in one report, because blocks are judged there
     // too, and 1 s in the other report.
@@ -276,8 +274,12 @@ fn as_many_model_files_as_hatt_has_become_one_library_that_a_slot_holds() {
     let bytes = bench.read("all.lib");
     assert!(bytes.len() <= MAX_LIBRARY_BYTES, "{} bytes", bytes.len());
     let library = Library::decode(&bytes).unwrap();
-    let names = library.textures().map(|texture| texture.name().to_string());
-    assert!(names.eq((1..=ALL_OF_HATT).map(name)));
+    assert!(
+        library
+            .textures()
+            .map(|texture| texture.name().to_string())
+            .eq((1..=ALL_OF_HATT).map(name))
+    );
     for texture in library.textures() {
         let (speeds, forces) = (texture.speed_axis().len(), texture.force_axis().len());
         assert!(speeds > 1 && forces > 1, "{speeds} x {forces}");

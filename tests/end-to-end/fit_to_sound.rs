@@ -1,15 +1,14 @@
 //! A known process that is recorded, fitted, stored and played by the device's kernel must come back as the same
 //! process.
 
-use crate::support::{Bench, RATE_HZ, all_pole, decibels, noise, power_between, predictor, scaled, wav};
+use crate::support::{Bench, RATE_HZ, all_pole, decibels, near, noise, power_between, predictor, scaled, wav};
 use host_tools::dsp::autocorrelation::Autocorrelation;
 use host_tools::dsp::fourier::{self, Complex};
 use host_tools::dsp::linear_prediction::{Prediction, corrected};
 use host_tools::dsp::spectrum::{band_edges_hz, band_powers};
 use host_tools::dsp::sums::{mean_square, rms};
-use host_tools::fit;
-use host_tools::fit::Order;
 use host_tools::fit::conditioning::HighPass;
+use host_tools::fit::{self, Order};
 use host_tools::playing::motion::MotionPath;
 use host_tools::playing::render::render;
 use host_tools::recording::RecordingSet;
@@ -50,8 +49,7 @@ fn bands_come_back_within_one_decibel_and_the_level_within_a_fifth() {
             let level = decibels(mean_square(&played) / mean_square(&signal));
             assert!(level.abs() < 0.2, "{case}: level {level} dB");
 
-            let bands = band_powers(&played, f64::from(RATE_HZ));
-            for (band, power) in bands.into_iter().enumerate() {
+            for (band, power) in band_powers(&played, f64::from(RATE_HZ)).into_iter().enumerate() {
                 let (low_hz, high_hz) = band_edges_hz(band);
                 let expected = 0.05f64.powi(2) * power_between(&a, RATE_HZ, low_hz, high_hz);
                 let error = decibels(power / expected);
@@ -127,8 +125,11 @@ fn band_shares(density: impl Fn(f64) -> f64, steps: usize) -> Vec<f64> {
     let edge = |tenth: f64| 10f64.powf(tenth / 10.0);
     let between = |low: f64, high: f64| {
         let step = (high - low) / steps as f64;
-        let middles = (0..steps).map(|n| low + (n as f64 + 0.5) * step);
-        middles.map(&density).sum::<f64>() * step
+        (0..steps)
+            .map(|n| low + (n as f64 + 0.5) * step)
+            .map(&density)
+            .sum::<f64>()
+            * step
     };
     let bands: Vec<f64> = (3..=33)
         .map(|tenth| between(edge(f64::from(tenth) - 0.5), edge(f64::from(tenth) + 0.5)))
@@ -151,9 +152,10 @@ fn worst_band_db(truth: Density, reflection: &[f64]) -> f64 {
     };
     let (truth, model) = (band_shares(truth, STEPS), band_shares(model, STEPS));
     let strongest = truth.iter().copied().fold(0.0, f64::max);
-    let pairs = truth.iter().zip(&model);
-    let judged = pairs.filter(|(truth, _)| **truth > 1e-5 * strongest);
-    judged
+    truth
+        .iter()
+        .zip(&model)
+        .filter(|(truth, _)| **truth > 1e-5 * strongest)
         .map(|(truth, model)| decibels(model / truth))
         .max_by(|a, b| a.abs().total_cmp(&b.abs()))
         .unwrap()
@@ -250,7 +252,7 @@ fn a_weave_is_a_steady_tone_at_speed_over_wavelength_between_the_nodes_too() {
     let with = fitted(fit::lines::Lines::Auto);
     let found = &with.textures[0].lines.lines;
     assert_eq!(found.len(), 2, "{}", with.textures[0].lines);
-    assert!((found[0].wavelength_mm - 1.0).abs() < 1e-3);
+    near(found[0].wavelength_mm, 1.0, 1e-3);
     let bytes = with.library().unwrap();
     let library = Library::decode(&bytes).unwrap();
     let texture = library.textures().next().unwrap();

@@ -1,6 +1,6 @@
 //! The frontier of accuracy against computing time.
 
-use crate::support::{Bench, denim_rig_of, holds, json, text};
+use crate::support::{Bench, denim_rig_of, holds, json, near, text};
 use host_tools::evaluation::frontier::costs::Costs;
 use host_tools::evaluation::frontier::{Filter, Frontier, INTERVALS, Material, Options, Prepared, Structure};
 use host_tools::evaluation::stress::cases::{Length, suite};
@@ -38,17 +38,20 @@ fn options() -> Options {
 }
 
 fn run(material: &Material, options: &Options, threads: usize) -> Frontier {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-    pool.build().unwrap().install(|| {
-        let prepared = Prepared::new(material, options, || ()).unwrap();
-        let done = std::sync::atomic::AtomicUsize::new(0);
-        let count = || {
-            done.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
-        };
-        let frontier = prepared.run(options, count).unwrap();
-        assert_eq!(done.into_inner(), prepared.work());
-        frontier
-    })
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .unwrap()
+        .install(|| {
+            let prepared = Prepared::new(material, options, || ()).unwrap();
+            let done = std::sync::atomic::AtomicUsize::new(0);
+            let count = || {
+                done.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+            };
+            let frontier = prepared.run(options, count).unwrap();
+            assert_eq!(done.into_inner(), prepared.work());
+            frontier
+        })
 }
 
 #[test]
@@ -71,8 +74,12 @@ fn a_comparison_is_the_same_on_any_number_of_threads_and_says_what_the_structure
         check_filter(&frontier, index, filter);
     }
     // Only the lattice keeps the hard cases stable. A lattice must be on the front of the structures that do.
-    let safe = frontier.points.iter().filter(|point| point.on_safe_front);
-    let structures: Vec<_> = safe.map(|p| frontier.filters[p.filter].structure).collect();
+    let structures: Vec<_> = frontier
+        .points
+        .iter()
+        .filter(|point| point.on_safe_front)
+        .map(|p| frontier.filters[p.filter].structure)
+        .collect();
     assert!(!structures.is_empty());
     let lattice = Structure::NormalisedLattice32;
     assert!(structures.iter().all(|s| *s == lattice));
@@ -88,22 +95,29 @@ fn a_comparison_is_the_same_on_any_number_of_threads_and_says_what_the_structure
 /// Asserts the accuracy that each structure must have.
 fn check_filter(frontier: &Frontier, index: usize, filter: &Filter) {
     let at = |order| {
-        let filters = frontier.filters.iter();
-        let mut same = filters.filter(|other| other.structure == filter.structure);
-        let found = same.find(|other| other.order == Order::Fixed(order));
-        found.unwrap()
+        let mut same = frontier
+            .filters
+            .iter()
+            .filter(|other| other.structure == filter.structure);
+        same.find(|other| other.order == Order::Fixed(order)).unwrap()
     };
     let name = format!("{}, {}", filter.structure, filter.order_text());
     assert!(at(100).still.cost < at(20).still.cost - 0.05, "{name}");
     assert!(at(100).m4.sample.cycles > at(20).m4.sample.cycles, "{name}");
-    let points = frontier.points.iter().filter(|p| p.filter == index);
-    let points: Vec<_> = points.collect();
+    let points: Vec<_> = frontier.points.iter().filter(|p| p.filter == index).collect();
     assert_eq!(points.len(), INTERVALS.len());
     if filter.refused_textures.is_empty() {
-        let errors = points.iter().map(|point| point.motion_error_db);
-        assert!(errors.is_sorted_by(|a, b| a <= &(b + 0.05)), "{name}");
-        let cycles = points.iter().map(|point| point.cycles);
-        assert!(cycles.is_sorted_by(|a, b| a >= b), "{name}");
+        assert!(
+            points
+                .iter()
+                .map(|point| point.motion_error_db)
+                .is_sorted_by(|a, b| a <= &(b + 0.05)),
+            "{name}"
+        );
+        assert!(
+            points.iter().map(|point| point.cycles).is_sorted_by(|a, b| a >= b),
+            "{name}"
+        );
     }
     let is_in_32_bits = filter.structure != Structure::DirectForm16;
     assert_eq!(filter.still.mean_snr_db > 70.0, is_in_32_bits, "{name}");
@@ -125,8 +139,10 @@ fn page_holds_all(bench: &Bench, frontier: &Frontier) {
     let (before_folds, _) = main.split_once("<details>").unwrap();
     assert!(before_folds.contains(&*host_tools::report::html::escaped(&frontier.answer())));
     let (_, picture) = before_folds.split_once("<svg").unwrap();
-    let texts = picture.split("<text").skip(1);
-    let texts = texts.map(|text| text.split(['>', '<']).nth(1).unwrap().trim());
+    let texts = picture
+        .split("<text")
+        .skip(1)
+        .map(|text| text.split(['>', '<']).nth(1).unwrap().trim());
     let labels: Vec<&str> = texts
         // Labels of ticks are numbers, or empty where there is no space.
         .filter(|text| !text.is_empty() && text.parse::<f64>().is_err())
@@ -163,7 +179,7 @@ fn a_users_own_recordings_are_fitted_in_their_first_half_and_judged_in_their_sec
     for (first, second) in halves {
         let durations = [first.duration_s, second.duration_s];
         assert_eq!(durations, [Some(1.0); 2]);
-        assert!((second.start_s - first.start_s - 1.0).abs() < 1e-12);
+        near(second.start_s - first.start_s, 1.0, 1e-12);
         assert_eq!(first.file, second.file);
     }
     assert!(material.fit.is_simulated() && material.held_out.is_simulated());
@@ -178,8 +194,7 @@ fn takes_of_something_else_are_refused_and_so_is_what_is_not_there() {
     }
     let refusal = Material::takes(set(&bench, "rig5"), others).unwrap_err();
     assert!(refusal.to_string().contains("same trials"), "{refusal}");
-    let refused = bench.refuse("frontier --data nowhere --out out");
-    holds(&refused, &["nowhere"]);
+    holds(&bench.refuse("frontier --data nowhere --out out"), &["nowhere"]);
     let output = bench.run("frontier --data rig5 --orders 500");
     assert!(text(&output.stderr).contains("1 to 400"));
 }

@@ -34,8 +34,14 @@ fn the_lattice_holds_its_promises_in_every_hard_case() {
 #[ignore = "takes a quarter of an hour"]
 fn the_lattice_holds_its_promises_over_a_hundred_million_samples() {
     let outcomes = stress::run(&cases::suite(cases::Length::Long), || ()).unwrap();
-    let marathon = outcomes.iter().filter(|o| o.case.contains("part"));
-    assert_eq!(marathon.map(|o| o.samples).sum::<usize>(), 100_000_000);
+    assert_eq!(
+        outcomes
+            .iter()
+            .filter(|o| o.case.contains("part"))
+            .map(|o| o.samples)
+            .sum::<usize>(),
+        100_000_000
+    );
     for outcome in &outcomes {
         let broken = outcome.broken();
         assert!(broken.is_empty(), "{}: {broken:?}", outcome.case);

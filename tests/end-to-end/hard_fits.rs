@@ -29,8 +29,7 @@ fn signals() -> Vec<(&'static str, Vec<f64>, Option<&'static str>)> {
     let broadband = noise(5, SAMPLES);
     let hum = tone(50.0).into_iter().zip(&broadband);
     let hum = hum.map(|(hum, x)| 1e-3 * x + hum).collect();
-    let clipped = tone(100.0).into_iter();
-    let clipped = clipped.map(|x| (3.0 * x).clamp(-1.0, 1.0)).collect();
+    let clipped = tone(100.0).into_iter().map(|x| (3.0 * x).clamp(-1.0, 1.0)).collect();
     let drift = (0..SAMPLES).map(|n| n as f64 / SAMPLES as f64 - 0.3);
     let lifted = broadband.iter().map(|x| x + 50.0).collect();
     vec![
@@ -52,8 +51,9 @@ fn signals() -> Vec<(&'static str, Vec<f64>, Option<&'static str>)> {
 #[test]
 fn every_signal_becomes_a_library_and_what_is_wrong_with_it_is_said() {
     let bench = Bench::new();
-    let trials = signals().into_iter();
-    let trials = trials.map(|(name, signal, _)| (name, 100.0, 1.0, wav(&[&signal], RATE_HZ)));
+    let trials = signals()
+        .into_iter()
+        .map(|(name, signal, _)| (name, 100.0, 1.0, wav(&[&signal], RATE_HZ)));
     bench.write_set("set", &trials.collect::<Vec<_>>());
     let report = bench.succeed("fit set --out a.lib --order 400 --high-pass none --json");
     let numbers = report.replace("\"speed_scatter\": null", "");
@@ -63,8 +63,10 @@ fn every_signal_becomes_a_library_and_what_is_wrong_with_it_is_said() {
     for (index, (name, signal, said)) in signals().iter().enumerate() {
         let verdicts = report["trials"][index]["verdicts"].to_string();
         let quoted = format!("'{name}'");
-        let own = warnings.split('"').filter(|line| line.contains(&quoted));
-        let own_warnings = own.collect::<String>();
+        let own_warnings = warnings
+            .split('"')
+            .filter(|line| line.contains(&quoted))
+            .collect::<String>();
         match said {
             Some(said) => holds(&(verdicts + &own_warnings), &[said]),
             None => assert_eq!(verdicts, "[]", "{name}"),
@@ -101,7 +103,7 @@ fn felt(trials: &[(f64, f64)]) -> Bench {
 #[test]
 fn trials_at_rest_or_without_contact_are_left_out_with_a_note() {
     let bench = felt(&[(0.0, 0.5), (100.0, 0.0), (100.0, 0.5), (200.0, 0.5)]);
-    let report = json(&bench.succeed("fit set --out felt.lib --json"));
+    let report = bench.json("fit set --out felt.lib --json");
     let message = &report["warnings"][0];
     holds(message, &["'felt': 2 trials at speed 0 or force 0"]);
     let used = report["trials"].as_array().unwrap().iter();

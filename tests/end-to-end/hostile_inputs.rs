@@ -92,8 +92,10 @@ fn rates_of_the_whole_range_are_converted_in_bounded_memory() {
 fn sizes_in_a_wav_header_size_no_memory() {
     let bench = Bench::new();
     let good = recording(RATE_HZ);
-    let data = good.windows(4).position(|four| four == b"data");
-    let data = data.expect("it has samples");
+    let data = good
+        .windows(4)
+        .position(|four| four == b"data")
+        .expect("it has samples");
     let changed = |at: usize, bytes: &[u8]| {
         let mut changed = good.clone();
         changed[at..at + bytes.len()].copy_from_slice(bytes);
@@ -208,14 +210,15 @@ fn with_closed(bench: &Bench, arguments: &str, out: bool, err: bool) -> Output {
         drop(reader);
         Stdio::from(writer)
     };
-    let child = Command::new(env!("CARGO_BIN_EXE_stylus"))
+    Command::new(env!("CARGO_BIN_EXE_stylus"))
         .args(arguments.split_whitespace())
         .current_dir(bench.path("."))
         .stdout(if out { closed() } else { Stdio::piped() })
         .stderr(if err { closed() } else { Stdio::piped() })
         .spawn()
-        .expect("the command starts");
-    child.wait_with_output().expect("it ends")
+        .expect("the command starts")
+        .wait_with_output()
+        .expect("it ends")
 }
 
 #[test]

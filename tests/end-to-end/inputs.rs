@@ -2,7 +2,7 @@
 //! them, motions that end before they begin. The command reports doubtful input in a line, and refuses impossible input
 //! with its place.
 
-use crate::support::{Bench, RATE_HZ, all_pole, holds, integers, json, noise, scaled, text, two_textures, wav};
+use crate::support::{Bench, RATE_HZ, all_pole, holds, integers, json, near, noise, scaled, text, two_textures, wav};
 
 const HEADER: &str = "file,texture,speed_mm_s,force_n";
 
@@ -16,8 +16,9 @@ fn recording(seed: u64) -> Vec<u8> {
 
 /// Writes the set `set`, with a trial of noise for each of these textures, speeds and forces.
 fn set(bench: &Bench, trials: &[(&str, f64, f64)]) {
-    let trials = (0..).zip(trials);
-    let trials = trials.map(|(seed, &(texture, v, f))| (texture, v, f, recording(seed)));
+    let trials = (0..)
+        .zip(trials)
+        .map(|(seed, &(texture, v, f))| (texture, v, f, recording(seed)));
     bench.write_set("set", &trials.collect::<Vec<_>>());
 }
 
@@ -51,33 +52,6 @@ fn a_logger_of_3200_hz_is_a_note_and_one_below_skins_band_a_verdict() {
             Some(word) => holds(&said, &[word]),
             None => assert!(!said.contains("warning"), "{said}"),
         }
-    }
-}
-
-#[test]
-fn times_as_text_and_columns_of_ros_are_read_as_plain_seconds_are() {
-    let bench = Bench::new();
-    let signal = all_pole(&[-0.6, 0.7], &noise(3, 4000));
-    let covariances = ",0.1".repeat(9);
-    let names = (0..9).map(|n| format!(",field.linear_acceleration_covariance{n}"));
-    let names = names.collect::<String>();
-    let ros = format!("%time,field.linear_acceleration.x{names}");
-    let dialect = |header: &str, row: &dyn Fn(usize) -> String| {
-        let rows = signal.iter().enumerate();
-        let rows = rows.map(|(n, x)| row(n).replace("{x}", &x.to_string()) + "\n");
-        format!("{header}\n{}", rows.collect::<String>())
-    };
-    let seconds = |n: usize| format!("{}.{:03}", n / 1000, n % 1000);
-    let clock = dialect("time;ax", &|n| format!("12:00:0{};{{x}}", seconds(n)));
-    for (name, text) in [
-        ("plain", dialect("time,ax", &|n| seconds(n) + ",{x}")),
-        ("clock", clock.replace('.', ",")),
-        ("ros", dialect(&ros, &|n| format!("{n}000000,{{x}}{covariances}"))),
-    ] {
-        bench.write(&format!("{name}/felt.csv"), text);
-        let fit = format!("fit {name}/felt.csv --speed 100 --force 1 --out {name}.lib {QUICK}");
-        bench.succeed(&fit);
-        assert_eq!(bench.read(&format!("{name}.lib")), bench.read("plain.lib"), "{name}");
     }
 }
 
@@ -272,7 +246,7 @@ fn samples_without_a_unit_are_told_with_the_level_that_comes_out() {
     holds(&told, &["levels of 0.03", " to 0.099 m/s² RMS", "--scale"]);
     let unknown = "recorded, level not known";
     holds(&bench.succeed("inspect a.lib"), &[unknown]);
-    let of_textures = json(&bench.succeed("inspect a.lib --json"))["textures"].clone();
+    let of_textures = bench.json("inspect a.lib --json")["textures"].clone();
     let found = of_textures
         .as_array()
         .unwrap()
@@ -294,9 +268,9 @@ fn samples_without_a_unit_are_told_with_the_level_that_comes_out() {
         list(&format!("{HEADER}{header}"), row);
         assert!(!bench.told(&format!("{fit} {option}")).contains("without a unit"));
         assert!(!bench.succeed("inspect a.lib").contains(unknown));
-        let report = json(&bench.succeed(&format!("{fit} --json {option}")));
+        let report = bench.json(&format!("{fit} --json {option}"));
         let found = report["trials"][0]["rms_m_s2"].as_f64().expect("a level");
-        assert!((found / rms - 1.0).abs() < 0.02, "{found} for {rms}");
+        near(found / rms, 1.0, 0.02);
     }
 }
 
@@ -355,20 +329,6 @@ fn units_of_headers_are_converted_and_a_set_says_so_once() {
 }
 
 #[test]
-fn recordings_of_labview_are_read_and_told() {
-    let bench = Bench::new();
-    let mut lvm = "LabVIEW Measurement\t\nSeparator\tTab\nX_Columns\tOne\n***End_of_Header***\t\n\nChannels\t1\n\
-                   Y_Unit_Label\tg\nDelta_X\t0.0002\n***End_of_Header***\t\nX_Value\tax\tComment\n"
-        .to_owned();
-    for (n, x) in noise(2, 10_000).iter().enumerate() {
-        lvm += &format!("{:.4}\t{x}\n", n as f64 / f64::from(RATE_HZ));
-    }
-    bench.write("labview.lvm", lvm);
-    let told = bench.told(&format!("fit labview.lvm --speed 100 --force 1 --out a.lib {QUICK}"));
-    holds(&told, &["labview.lvm", "converted from g to m/s²"]);
-}
-
-#[test]
 fn the_first_example_of_the_readme_gives_the_scale_of_its_integers() {
     let readme = include_str!("../../README.md");
     let list = readme.split("```").find(|block| block.contains(HEADER));
@@ -393,8 +353,7 @@ fn speeds_and_forces_of_no_hand_are_refused_with_their_line_and_doubtful_ones_to
     let forces = "force of 500 N, and no hand or drum exceeds 100";
     for (speed, force, words) in [(120_000.0, 1.0, speeds), (120.0, 500.0, forces)] {
         set(&bench, &[("silk", 120.0, 1.0), ("silk", speed, force)]);
-        let refused = bench.refuse("fit set --out a.lib");
-        holds(&refused, &["trials.csv", "line 3", words]);
+        holds(&bench.refuse("fit set --out a.lib"), &["trials.csv", "line 3", words]);
     }
     for (speed, force, words) in [
         (5000.0, 1.0, "speeds reach 5000 mm/s"),
@@ -402,15 +361,16 @@ fn speeds_and_forces_of_no_hand_are_refused_with_their_line_and_doubtful_ones_to
         (0.12, 1.0, "are they in m/s"),
     ] {
         set(&bench, &[("silk", speed, force)]);
-        let message = bench.told(&format!("fit set --out a.lib {QUICK}"));
-        holds(&message, &[words]);
+        holds(&bench.told(&format!("fit set --out a.lib {QUICK}")), &[words]);
     }
 }
 
 /// A table of noise at 1 kHz. Its times are `stamp`, s, multiplied by `factor`.
 fn stamped(header: &str, factor: f64, stamp: impl Fn(usize) -> f64) -> String {
-    let rows = noise(7, 4000).into_iter().enumerate();
-    let rows = rows.map(|(n, x)| format!("{:.7},{x}\n", factor * stamp(n)));
+    let rows = noise(7, 4000)
+        .into_iter()
+        .enumerate()
+        .map(|(n, x)| format!("{:.7},{x}\n", factor * stamp(n)));
     format!("{header},x\n{}", rows.collect::<String>())
 }
 
@@ -435,28 +395,6 @@ fn every_remedy_for_times_that_are_refused_works() {
         };
         holds(&bench.refuse(&fit), &[named, words]);
         bench.succeed(&format!("{fit} {option}"));
-    }
-}
-
-#[test]
-fn what_is_mended_in_the_times_is_said() {
-    let bench = Bench::new();
-    let even = |n: usize| n as f64 / 1000.0;
-    let paused = |n: usize| even(n) + 0.02 * (n / 1500) as f64;
-    let back = |n: usize| even(n) - if n < 3000 { 0.0 } else { 2.0 };
-    let sensor = noise(8, 4000);
-    let held = (0..4000).map(|n| (even(n), sensor[(n as f64 * 0.73) as usize]));
-    let held = held.fold(String::from("t,x\n"), |text, (time, x)| text + &format!("{time},{x}\n"));
-    let steps = "values of 730 Hz held at 1000 Hz, nothing above 365 Hz";
-    for (text, words) in [
-        (stamped("t", 1e3, even), "taken for ms"),
-        (stamped("t", 1.0, paused), "gaps in the times: 2 stretches"),
-        (stamped("t", 1.0, back), "start again after 2,"),
-        (held, steps),
-    ] {
-        bench.write("a.csv", text);
-        let fit = format!("fit a.csv --out a.lib --overwrite {QUICK}");
-        holds(&bench.told(&fit), &[words]);
     }
 }
 
@@ -492,7 +430,7 @@ fn measured_speeds_are_snapped_where_their_gaps_are_clear_and_make_a_sparse_grid
     holds(&told, &["20 forces become 5 (0.4, 0.8, 1.2, 1.6, 2 N)"]);
     holds(&told, &["% at most"]);
     assert!(!told.contains("are filled from neighbours"), "{told}");
-    let content = json(&bench.succeed("inspect b.lib --json"));
+    let content = bench.json("inspect b.lib --json");
     let speeds = content["textures"][0]["speeds_mm_s"].as_array();
     assert_eq!(speeds, json("[50.0, 100.0, 150.0, 200.0]").as_array());
     // The evaluation must recognise the trials as those of the fit.
@@ -558,44 +496,6 @@ fn a_motion_of_one_line_has_no_end_and_says_so() {
 }
 
 #[test]
-fn what_a_table_holds_besides_is_named_with_line_column_and_separator() {
-    let bench = fitted();
-    let motion = "render good.lib --texture silk --motion a.csv --out o.wav";
-    let recording = "fit a.csv --out o.lib";
-    let hand = "fit a.csv --strokes --texture a --out o.lib";
-    for (command, text, words) in [
-        (
-            motion,
-            "0;100;1\n1;100;1\n",
-            &["line 1", "the first line is numbers", "time_s, speed_mm_s"][..],
-        ),
-        (
-            motion,
-            "time_s\tspeed_mm_s\tforce_n\n0\t1.5\t1\n\n# on\n1\t2,5\t1\n",
-            &["line 5", "column 2", "tab", "by a point"],
-        ),
-        (
-            recording,
-            "time_s,x\n0,1\n0.0002,2\n0.1,3\n0.1002,1\n",
-            &["line 4", "a gap of 0.0998", "start_s"],
-        ),
-        (
-            hand,
-            "time_s,speed_mm_s,x,force_n\n0,100,1,1\n0.0002,100,2,1\n0.0001,100,3,1\n0.0003,100,1,1\n0.0001,100,1,1\n",
-            &["line 4", "falls often"],
-        ),
-    ] {
-        bench.write("a.csv", text);
-        holds(&bench.refuse(command), words);
-    }
-    // A comment above does not change the line number in the message.
-    let list = format!("# mine\n{HEADER}\n# next\n\nsilk-50-0.5.wav,silk,50,x\n");
-    bench.write("set/trials.csv", list);
-    let refused = bench.refuse("fit set --out o.lib");
-    holds(&refused, &["line 5", "column 4", "force_n", "comma"]);
-}
-
-#[test]
 fn a_folder_of_named_recordings_becomes_a_list_by_their_names() {
     let bench = Bench::new();
     let signal = noise(3, 4_000);
@@ -607,8 +507,7 @@ fn a_folder_of_named_recordings_becomes_a_list_by_their_names() {
     }
     bench.write("set/rest.wav", wav(&[&signal], 5_000));
     let proposed = "`stylus trials set --pattern '{texture}_{speed}mms_{force}N.wav'`";
-    let refused = bench.refuse("fit set --out a.lib");
-    holds(&refused, &["no trials.csv", proposed]);
+    holds(&bench.refuse("fit set --out a.lib"), &["no trials.csv", proposed]);
     let output = bench.run("trials set --pattern {texture}_{speed}mms_{force*0.001}N_{take}.wav");
     let words = &["{speed}mms_{force*0.001}N", "first of 7 is"];
     holds(&text(&output.stderr), words);
@@ -625,8 +524,11 @@ fn a_folder_of_named_recordings_becomes_a_list_by_their_names() {
     let told = bench.succeed(&format!("{trials} --take 2 --list takes.csv --scale 9.81"));
     holds(&told, &["2 trials"]);
     let takes = text(&bench.read("set/takes.csv"));
-    let scaled = takes.lines().filter(|line| line.ends_with(",9.81"));
-    assert_eq!(scaled.count(), 2, "{takes}");
+    assert_eq!(
+        takes.lines().filter(|line| line.ends_with(",9.81")).count(),
+        2,
+        "{takes}"
+    );
     let output = bench.run("trials set --pattern {texture}_{*}.wav --list b.csv");
     holds(&text(&output.stderr), &["no {speed}", "--speed"]);
 }

@@ -109,9 +109,13 @@ fn measured(trials: usize) -> [f64; 3] {
     let again = succeeds(&bench, &again);
     for folder in ["each", "again"] {
         let entries = std::fs::read_dir(bench.path(folder)).unwrap();
-        let names = entries.map(|entry| entry.unwrap().file_name());
-        let libraries = names.filter(|name| name.to_string_lossy().ends_with(".lib"));
-        assert_eq!(libraries.count(), trials / TEXTURE_TRIALS);
+        assert_eq!(
+            entries
+                .map(|entry| entry.unwrap().file_name())
+                .filter(|name| name.to_string_lossy().ends_with(".lib"))
+                .count(),
+            trials / TEXTURE_TRIALS
+        );
     }
     [one, each, again]
 }

@@ -9,8 +9,10 @@ const POLES: [f64; 2] = [-0.6, 0.7];
 
 /// Impulsive noise of unit variance: Gaussian numbers to the power of 3/2.
 fn impulsive(seed: u64, samples: usize) -> Vec<f64> {
-    let raw = noise(seed, samples).into_iter();
-    let raw: Vec<f64> = raw.map(|x| x.signum() * x.abs().powf(1.5)).collect();
+    let raw: Vec<f64> = noise(seed, samples)
+        .into_iter()
+        .map(|x| x.signum() * x.abs().powf(1.5))
+        .collect();
     scaled(&raw, 1.0 / rms(&raw))
 }
 
@@ -161,14 +163,12 @@ fn a_weave_of_uneven_threads_holds_still_where_noise_of_its_spectrum_swells() {
 fn a_page_for_listening_compares_every_pair_of_recording_and_two_libraries() {
     let bench = bench();
     let compare = "compare set --library fed.lib --takes takes --out page.html --trials 4 --seed 3";
-    let said = bench.succeed(&format!("{compare} --before plain.lib"));
-    holds(&said, &["12 trials"]);
+    holds(&bench.succeed(&format!("{compare} --before plain.lib")), &["12 trials"]);
     let text = String::from_utf8(bench.read("page.html")).unwrap();
     let (_, rest) = text.split_once("id=\"plan\">").unwrap();
     let plan = json(rest.split_once("</script>").unwrap().0);
     for pair in ["recording-fitted", "recording-before", "before-fitted"] {
         let trials = plan["trials"].as_array().unwrap();
-        let own = trials.iter().filter(|trial| trial["pair"] == pair);
-        assert_eq!(own.count(), 4, "{pair}");
+        assert_eq!(trials.iter().filter(|trial| trial["pair"] == pair).count(), 4, "{pair}");
     }
 }

@@ -39,8 +39,7 @@ const FOLDERS: [&str; 2] = [
 /// A stroke with a steady speed and force.
 fn stroke(seconds: usize) -> String {
     let mut csv = String::from("# SIMULATED\ntime_s,x_m_s2,speed_mm_s,force_n\n");
-    let samples = noise(7, seconds * RATE_HZ as usize);
-    for (n, x) in samples.iter().enumerate() {
+    for (n, x) in noise(7, seconds * RATE_HZ as usize).iter().enumerate() {
         let time_s = n as f64 / f64::from(RATE_HZ);
         csv.push_str(&format!("{time_s:.4},{x:.5},100,0.6\n"));
     }
@@ -77,8 +76,7 @@ fn content(folder: &Path) -> BTreeMap<String, Vec<u8>> {
                 folders.push(path);
                 b"folder".to_vec()
             } else if kind.is_symlink() {
-                let end = fs::read_link(&path).unwrap();
-                end.into_os_string().into_encoded_bytes()
+                fs::read_link(&path).unwrap().into_os_string().into_encoded_bytes()
             } else if kind.is_file() {
                 fs::read(&path).unwrap()
             } else {
@@ -182,13 +180,12 @@ const FOLDER_READERS: [&str; 3] = [
 
 /// The files that `command` names, and those in the folders that it names, except those that it is meant to change.
 fn inputs_of(bench: &Bench, command: &str) -> Vec<String> {
-    let words = command.split(' ');
-    let words = words.map(|word| word.rsplit('=').next().unwrap_or(word));
+    let words = command.split(' ').map(|word| word.rsplit('=').next().unwrap_or(word));
     let files = |word: &str| match fs::read_dir(bench.path(word)) {
-        Ok(entries) => {
-            let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
-            names.map(|name| format!("{word}/{name}")).collect()
-        }
+        Ok(entries) => entries
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .map(|name| format!("{word}/{name}"))
+            .collect(),
         Err(_) => vec![word.to_owned()],
     };
     let is_changed = |name: &str| match command.split(' ').next() {
@@ -196,8 +193,11 @@ fn inputs_of(bench: &Bench, command: &str) -> Vec<String> {
         Some("scene") => command.starts_with("scene compile") && name == "good.lib",
         _ => false,
     };
-    let inputs = words.filter(|word| bench.path(word).exists()).flat_map(files);
-    inputs.filter(|name| !is_changed(name)).collect()
+    words
+        .filter(|word| bench.path(word).exists())
+        .flat_map(files)
+        .filter(|name| !is_changed(name))
+        .collect()
 }
 
 #[test]
@@ -400,8 +400,7 @@ fn help_that_cannot_be_written_says_why() {
         .current_dir(bench.path("."))
         .output()
         .expect("there is a shell");
-    let message = refusal(&output, "--help");
-    holds(&message, &["standard output: cannot write"]);
+    holds(&refusal(&output, "--help"), &["standard output: cannot write"]);
 }
 
 #[test]
@@ -422,8 +421,7 @@ fn a_full_disk_leaves_nothing_and_the_line_names_the_users_file() {
         let message = errors.lines().last().unwrap_or_default();
         holds(message, &["out.svg"]);
         assert!(!message.contains(".stylus-"), "{message}");
-        let is_told = message.contains("too large") || message.contains("cannot");
-        assert!(is_told, "{message}");
+        assert!(message.contains("too large") || message.contains("cannot"), "{message}");
         assert_eq!(content(&bench.path(".")), before, "{arguments}");
     }
 }

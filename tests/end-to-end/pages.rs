@@ -51,18 +51,22 @@ fn help(arguments: &[&str]) -> String {
 
 /// The names in the lists of commands in `help`.
 pub fn commands(help: &str) -> Vec<String> {
-    let lists = help.split("\nOptions:").next().unwrap_or_default();
-    let lines = lists.lines().filter_map(|line| line.strip_prefix("  "));
-    let names = lines.filter(|line| line.starts_with(|c: char| c.is_ascii_lowercase()));
-    let names = names.filter_map(|line| line.split_whitespace().next());
-    names.filter(|&name| name != "help").map(str::to_owned).collect()
+    help.split("\nOptions:")
+        .next()
+        .unwrap_or_default()
+        .lines()
+        .filter_map(|line| line.strip_prefix("  "))
+        .filter(|line| line.starts_with(|c: char| c.is_ascii_lowercase()))
+        .filter_map(|line| line.split_whitespace().next())
+        .filter(|&name| name != "help")
+        .map(str::to_owned)
+        .collect()
 }
 
 /// Everything in `text` that looks like a long option.
 fn options(text: &str) -> BTreeSet<&str> {
     let is_of_option = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
-    let words = text.split(|c: char| !is_of_option(c));
-    words
+    text.split(|c: char| !is_of_option(c))
         .filter(|word| word.len() > 3 && word.starts_with("--") && !word.starts_with("---"))
         .collect()
 }
@@ -156,8 +160,7 @@ fn every_command_of_a_boards_first_hour_is_one() {
 #[test]
 fn every_setting_of_a_boards_first_hour_is_one_and_in_range() {
     let lines = command_lines(BRINGUP);
-    let words = lines.iter();
-    let words = words.map(|line| line.split_whitespace().collect::<Vec<_>>());
+    let words = lines.iter().map(|line| line.split_whitespace().collect::<Vec<_>>());
     let mut set = 0;
     for words in words {
         if let ["cargo", "stylus", "settings", "set", name, value] = words[..] {

@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-use crate::support::{Bench, RATE_HZ, decibels, holds, noise};
+use crate::support::{Bench, RATE_HZ, decibels, holds, near, noise};
 use host_tools::dsp::fourier;
 use host_tools::dsp::sums;
 use host_tools::playing::motion::MotionPath;
@@ -64,9 +64,10 @@ const FILTERS: [&[i64]; 3] = [
 /// The signal at twice its rate, through a filter that starts at rest.
 fn doubled(signal: &[f64], taps: &[i64]) -> Vec<f64> {
     let value = |index: usize| {
-        let reachable = taps.iter().enumerate().take(index + 1);
-        let products = reachable.filter(|(k, _)| (index - k).is_multiple_of(2));
-        products
+        taps.iter()
+            .enumerate()
+            .take(index + 1)
+            .filter(|(k, _)| (index - k).is_multiple_of(2))
             .map(|(k, &tap)| tap as f64 / 2f64.powi(31) * signal[(index - k) / 2])
             .sum()
     };
@@ -93,8 +94,7 @@ fn in_steps(samples: &[OutputSample]) -> Vec<f64> {
 fn at_the_pin(samples: &[OutputSample]) -> Vec<f64> {
     let settings = settings([("soft-start", 1.0), ("power-limit", 1.0)]).unwrap();
     let mut pin = Pin::new(samples.iter().copied(), PlayRate::Hz5000, &settings);
-    let codes = pin.by_ref().map(|code| f64::from(code.get()) - 2048.0);
-    let codes = codes.collect();
+    let codes = pin.by_ref().map(|code| f64::from(code.get()) - 2048.0).collect();
     assert_eq!(pin.limited(), host_tools::playing::pin::Limited::default());
     codes
 }
@@ -159,8 +159,9 @@ fn texture(reflection: &[f64]) -> Vec<f64> {
     let library = Library::decode(&bytes).unwrap();
     let motion = MotionPath::constant(MillimetresPerSecond(100.0), Newton(1.0)).unwrap();
     let seconds = (BEFORE + JUDGED) as f64 / f64::from(RATE_HZ);
-    let rendered = render(library.texture("texture").unwrap(), &motion, seconds, 5).unwrap();
-    rendered.accelerations_m_s2()
+    render(library.texture("texture").unwrap(), &motion, seconds, 5)
+        .unwrap()
+        .accelerations_m_s2()
 }
 
 /// White noise, and textures: one that falls by 12 dB per octave from 110 Hz, one with a resonance at 300 Hz.
@@ -185,8 +186,7 @@ fn the_noise_in_the_band_that_is_felt_is_70_decibels_down_at_1_and_50_at_a_tenth
                 .iter()
                 .fold(without_mean(&samples), |signal, taps| doubled(&signal, taps));
             let pin = at_the_pin(&samples);
-            let errors = pin.iter().zip(&exact).map(|(pin, exact)| pin - exact);
-            let errors: Vec<f64> = errors.collect();
+            let errors: Vec<f64> = pin.iter().zip(&exact).map(|(pin, exact)| pin - exact).collect();
             let ratio = decibels(felt(&exact, PIN_HZ) / felt(&errors, PIN_HZ));
             assert!(ratio >= least, "{name}, {rms} m/s²: {ratio} dB");
         }
@@ -223,8 +223,8 @@ fn the_commands_write_the_pin_in_volts_and_say_so() {
     bench.succeed(&format!("{render} --out kernel.wav"));
     let kernel = rms(&bench, "kernel.wav", RATE_HZ);
     let [pin, louder] = ["pin.wav", "louder.wav"].map(|name| rms(&bench, name, PIN_HZ));
-    assert!((pin / (kernel * GAIN) - 1.0).abs() < 0.1, "{pin} {kernel}");
-    assert!((louder / pin - 2.0).abs() < 0.1, "{louder} {pin}");
+    near(pin / (kernel * GAIN), 1.0, 0.1);
+    near(louder / pin, 2.0, 0.1);
 
     // A scene of one texture puts out the same as the texture.
     let scene = "name = \"steady\"\n[[surface]]\ntexture = \"felt\"\n";

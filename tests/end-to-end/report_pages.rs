@@ -18,8 +18,8 @@ fn simulated() -> Bench {
 /// The texts of elements that begin with `<tag`.
 fn texts_of(page: &str, tag: &str) -> Vec<String> {
     let begin = format!("<{tag}");
-    let pieces = page.split(&begin).skip(1);
-    pieces
+    page.split(&begin)
+        .skip(1)
         .filter_map(|piece| piece.split_once('>'))
         .map(|(_, rest)| rest.split('<').next().unwrap().trim().to_owned())
         .collect()
@@ -81,23 +81,26 @@ fn a_report_is_one_page_that_holds_everything_it_shows_with_pictures_beside() {
     check_nodes(&page);
     // Every picture is also a separate file.
     let entries = std::fs::read_dir(bench.path("folder")).unwrap();
-    let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
-    let pictures = names.filter(|name| name.rsplit('.').next() == Some("svg"));
-    assert_eq!(pictures.count(), page.matches("class=\"plot\"").count());
+    assert_eq!(
+        entries
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .filter(|name| name.rsplit('.').next() == Some("svg"))
+            .count(),
+        page.matches("class=\"plot\"").count()
+    );
     // A recording and its synthesis have one mean spectrum, in decibels, and a table of it.
     let table = text(&bench.read("folder/denim-psd.csv"));
-    let rows = table
+    let rows: Vec<Vec<f64>> = table
         .strip_prefix("# SIMULATED\nfrequency_hz,recorded_db,synthesised_db\n")
-        .unwrap();
-    let rows = rows
+        .unwrap()
         .lines()
-        .map(|line| line.split(',').map(|value| value.parse().unwrap()).collect());
-    let rows: Vec<Vec<f64>> = rows.collect();
-    let apart = rows
+        .map(|line| line.split(',').map(|value| value.parse().unwrap()).collect())
+        .collect();
+    let apart: Vec<f64> = rows
         .iter()
         .filter(|row| (50.0..500.0).contains(&row[0]))
-        .map(|row| row[2] - row[1]);
-    let apart: Vec<f64> = apart.collect();
+        .map(|row| row[2] - row[1])
+        .collect();
     let mean = apart.iter().sum::<f64>() / apart.len() as f64;
     assert!(apart.len() > 200 && mean.abs() < 1.5, "{mean} dB of {}", apart.len());
     let numbers = bench.report("numbers.json");

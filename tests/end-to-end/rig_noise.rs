@@ -6,7 +6,7 @@ use std::f64::consts::{PI, TAU};
 use host_tools::dsp::spectrum::band_edges_hz;
 
 use crate::support::{
-    Bench, RATE_HZ, all_pole, decibels, holds, json, near, noise, power_between, predictor, scaled, text, wav,
+    Bench, RATE_HZ, all_pole, decibels, holds, near, noise, power_between, predictor, scaled, text, wav,
 };
 
 const SECONDS: usize = 40;
@@ -73,8 +73,10 @@ fn recorded(motor: f64, axes: usize) -> Bench {
                 } else {
                     [TEXTURE[index], MOTOR[index]]
                 };
-                let both = texture.iter().zip(&noise);
-                both.map(|(x, n)| f64::from(force) * of_texture * x + of_motor * n)
+                texture
+                    .iter()
+                    .zip(&noise)
+                    .map(|(x, n)| f64::from(force) * of_texture * x + of_motor * n)
                     .collect()
             };
             let signals: Vec<Vec<f64>> = (0..axes).map(axis).collect();
@@ -104,9 +106,10 @@ fn powers(band: usize, speed: f64, motor: f64, axes: usize) -> (f64, f64) {
     let (low, high) = band_edges_hz(band);
     let of = |a: &[f64], rms: f64| factor(a, rms).powi(2) * power_between(a, RATE_HZ, low, high);
     let (texture, hiss_rms) = levels(speed, motor);
-    let tones = TONES.into_iter();
-    let tones = tones.filter(|(hz, _)| (low..high).contains(&(hz * speed)));
-    let tones = tones.map(|(_, amplitude)| (motor * amplitude * speed / 100.0).powi(2) / 2.0);
+    let tones = TONES
+        .into_iter()
+        .filter(|(hz, _)| (low..high).contains(&(hz * speed)))
+        .map(|(_, amplitude)| (motor * amplitude * speed / 100.0).powi(2) / 2.0);
     let cos: f64 = TEXTURE.iter().zip(&MOTOR).map(|(a, b)| a * b).sum();
     let seen = if axes == 1 { 1.0 } else { cos * cos };
     let motor = of(&hiss(), hiss_rms) + tones.sum::<f64>();
@@ -166,9 +169,13 @@ fn the_rigs_share_is_told_by_speed_and_band_and_changes_no_byte() {
     holds(&text(&output.stdout), &[words]);
     bench.succeed("fit set --out none.lib --floor none");
     assert_eq!(bench.read("note.lib"), bench.read("none.lib"));
-    let report = json(&bench.succeed("fit set --out note.lib --json"));
-    let trials = report["trials"].as_array().expect("trials");
-    for trial in trials.iter().filter(|trial| trial["force_n"] == 1.0) {
+    let report = bench.json("fit set --out note.lib --json");
+    for trial in report["trials"]
+        .as_array()
+        .expect("trials")
+        .iter()
+        .filter(|trial| trial["force_n"] == 1.0)
+    {
         let speed = trial["speed_mm_s"].as_f64().expect("a speed");
         for band in BANDS {
             let (texture, noise) = powers(band, speed, 1.0, 1);
@@ -183,9 +190,8 @@ fn a_motors_tone_is_a_line_of_the_texture_only_while_it_is_not_taken_off() {
     let bench = recorded(1.0, 1);
     let lines = |options: &str| {
         let fit = "fit set --out a.lib --excitation gaussian --json";
-        let report = json(&bench.succeed(&format!("{fit} {options}")));
-        let lines = report["lines"][0]["findings"]["lines"].as_array();
-        lines.map_or(0, Vec::len)
+        let report = bench.json(&format!("{fit} {options}"));
+        report["lines"][0]["findings"]["lines"].as_array().map_or(0, Vec::len)
     };
     assert!(lines("") > 0, "the motor's tones are locked to its speed");
     assert_eq!(lines("--floor subtract"), 0);

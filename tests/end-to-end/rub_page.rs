@@ -62,8 +62,7 @@ fn a_library_alone_makes_a_page_with_its_digests_and_its_size_is_said() {
 fn recordings_are_fitted_as_fit_does_and_come_with_clips_and_costs() {
     let bench = two_textures(|signal| [scaled(signal, 1.0)]);
     bench.succeed("fit set --out textures.lib");
-    let said = bench.succeed("page set --out page.html");
-    holds(&said, &["8 clips of recordings"]);
+    holds(&bench.succeed("page set --out page.html"), &["8 clips of recordings"]);
     let library = bench.read("textures.lib");
     assert_eq!(bytes(&bench, "page.html", "library"), library);
     for texture in data(&bench, "page.html")["textures"].as_array().unwrap() {
@@ -171,9 +170,16 @@ fn the_demo_says_in_forty_lines_what_it_holds_and_its_page_has_one_and_a_half_me
         assert_eq!(costs.len(), 120);
         assert!(costs.iter().all(Value::is_f64));
     }
-    let clips = data["clips"].as_array().unwrap().iter();
-    let textures = clips.map(|clip| clip["texture"].as_u64().unwrap());
-    assert_eq!(textures.collect::<BTreeSet<u64>>().len(), 4);
+    assert_eq!(
+        data["clips"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|clip| clip["texture"].as_u64().unwrap())
+            .collect::<BTreeSet<u64>>()
+            .len(),
+        4
+    );
     holds(&data["clip_note"], &["nearest"]);
 }
 
@@ -195,8 +201,7 @@ fn what_plays_is_hardly_ever_beyond_full_scale_whatever_excites_it() {
         let full_scale = data["full_scale_m_s2"].as_f64().unwrap();
         let textures = data["textures"].as_array().unwrap();
         let rms = |texture: &Value| texture["highest_rms_m_s2"].as_f64().unwrap();
-        let loudest = textures.iter().max_by(|a, b| rms(a).total_cmp(&rms(b)));
-        let loudest = loudest.unwrap();
+        let loudest = textures.iter().max_by(|a, b| rms(a).total_cmp(&rms(b))).unwrap();
         let levels = loudest["nodes"]["rms_m_s2"].as_array().unwrap();
         let level = |node: &usize| levels[*node].as_f64().unwrap();
         let node = (0..levels.len()).max_by(|a, b| level(a).total_cmp(&level(b)));
@@ -208,8 +213,7 @@ fn what_plays_is_hardly_ever_beyond_full_scale_whatever_excites_it() {
             forces[node % forces.len()]
         ));
         let samples = bench.samples("loudest.wav", RATE_HZ);
-        let beyond = samples.iter().filter(|x| x.abs() > full_scale);
-        let share = beyond.count() as f64 / samples.len() as f64;
+        let share = samples.iter().filter(|x| x.abs() > full_scale).count() as f64 / samples.len() as f64;
         assert!(share < 1e-3, "{share} {full_scale}");
         scales.push(full_scale / rms(loudest));
     }

@@ -2,7 +2,7 @@
 
 use std::sync::OnceLock;
 
-use crate::support::{Bench, RATE_HZ, holds, json, rig_of, scaled, two_textures};
+use crate::support::{Bench, RATE_HZ, holds, rig_of, scaled, two_textures};
 use host_tools::dsp::sums::rms;
 use model_format::Library;
 
@@ -119,8 +119,7 @@ fn a_scene_of_constant_motion_is_rendered_without_another_and_a_followed_one_ask
     let alone = bench.samples("alone.wav", RATE_HZ);
     assert!(alone.len() == 5000 && alone.iter().any(|x| x.abs() > 0.1));
     assert_eq!(alone, bench.samples("told.wav", RATE_HZ));
-    let refused = bench.refuse(&format!("{render} --out no.wav"));
-    holds(&refused, &["give --seconds"]);
+    holds(&bench.refuse(&format!("{render} --out no.wav")), &["give --seconds"]);
     bench.write("two.toml", TWO);
     let still = bench.refuse("scene render two.toml --library cloths.lib --seconds 1 --out no.wav");
     holds(&still, &["give --motion CSV"]);
@@ -235,7 +234,7 @@ fn regions_may_be_named_in_any_order() {
 fn a_scene_above_the_budget_is_refused_with_its_arithmetic() {
     let bench = bench();
     bench.write("two.toml", TWO);
-    let report = json(&bench.succeed("scene check two.toml --library cloths.lib --json"));
+    let report = bench.json("scene check two.toml --library cloths.lib --json");
     let worst = report["worst_case"]["instructions"].as_u64().unwrap();
     assert_eq!(report["fits"], true);
     for situation in report["typical"].as_array().unwrap() {
@@ -264,7 +263,7 @@ fn a_tap_that_was_rendered_is_found_again() {
     motion.push_str("1.5,0,0\n");
     bench.write("taps.csv", motion);
     bench.succeed("scene render plate.toml --library cloths.lib --motion taps.csv --out taps.wav");
-    let found = json(&bench.succeed("scene fit-tap taps.wav --force-rates 250 --json"));
+    let found = bench.json("scene fit-tap taps.wav --force-rates 250 --json");
     assert_eq!(found["impacts"].as_array().unwrap().len(), 3, "{found}");
     for (key, expected, tolerance) in [
         ("frequency_hz", 310.0, 0.5),

@@ -36,8 +36,7 @@ fn a_process_recorded_at_ten_kilohertz_comes_back_with_what_is_above_the_half_of
     bench.succeed("fit set --out fast.lib --model-rate 10000");
     bench.succeed("render fast.lib --texture silk --speed 100 --force 1 --seconds 60 --seed 7 --out fast.wav");
     let played = bench.samples("fast.wav", FAST_HZ).split_off(FAST_HZ as usize);
-    let bands = band_powers(&played, f64::from(FAST_HZ));
-    for (band, power) in bands.into_iter().enumerate() {
+    for (band, power) in band_powers(&played, f64::from(FAST_HZ)).into_iter().enumerate() {
         let (low_hz, high_hz) = band_edges_hz(band);
         let expected = 0.02f64.powi(2) * power_between(&a, FAST_HZ, low_hz, high_hz);
         let error = decibels(power / expected);
@@ -49,8 +48,7 @@ fn a_process_recorded_at_ten_kilohertz_comes_back_with_what_is_above_the_half_of
     let expected = 0.02f64.powi(2) * power_between(&a, FAST_HZ, 3_195.0, 3_405.0);
     let error = decibels(power_by_sums(&played, 320..=340) / expected);
     assert!(error.abs() < 0.5, "{error} dB about 3300 Hz");
-    let refused = bench.refuse("evaluate set --library fast.lib");
-    holds(&refused, &["10000 Hz"]);
+    holds(&bench.refuse("evaluate set --library fast.lib"), &["10000 Hz"]);
 }
 
 /// The fixture's closed form holds all the way from the file to the samples.

@@ -102,8 +102,7 @@ fn scaled_to(signal: &[f64], level: f64) -> Vec<f64> {
 
 /// Rounds to steps of 2⁻¹⁵ of 16 m/s².
 fn sixteen_bits(signal: &[f64]) -> Vec<f64> {
-    let rounded = signal.iter().map(|x| (x * 2048.0).round() / 2048.0);
-    rounded.collect()
+    signal.iter().map(|x| (x * 2048.0).round() / 2048.0).collect()
 }
 
 fn kurtosis(signal: &[f64]) -> f64 {
@@ -236,8 +235,11 @@ fn clipped(signal: &[f64], share: f64) -> Vec<f64> {
 /// Three axes, each with its own mixture of the take and another one.
 fn three_axes(take: &Take<'_>) -> [Vec<f64>; 3] {
     let mix = |own: f64, number: u64, gain: f64| -> Vec<f64> {
-        let both = take.clean.iter().zip(take.other(number));
-        both.map(|(a, b)| own * a + gain * b).collect()
+        take.clean
+            .iter()
+            .zip(take.other(number))
+            .map(|(a, b)| own * a + gain * b)
+            .collect()
     };
     [mix(1.0, 1, 0.2), mix(0.4, 2, 0.3), mix(-0.6, 3, 0.2)]
 }
@@ -438,23 +440,28 @@ fn damage_is_found_on_every_surface() {
 }
 
 fn judge_damage(on_every_surface: bool) {
-    let takes = SURFACES.iter().zip(1..);
-    let takes = takes.map(|(surface, seed)| Take::of(surface, seed));
-    let takes: Vec<Take<'_>> = takes.collect();
-    let clean = takes.iter().map(|take| fitted(&one(take.clean.clone())));
-    let clean = clean.map(|fit| levels(last_model(&fit.unwrap())));
-    let clean: Vec<Vec<f64>> = clean.collect();
+    let takes: Vec<Take<'_>> = SURFACES
+        .iter()
+        .zip(1..)
+        .map(|(surface, seed)| Take::of(surface, seed))
+        .collect();
+    let clean: Vec<Vec<f64>> = takes
+        .iter()
+        .map(|take| fitted(&one(take.clean.clone())))
+        .map(|fit| levels(last_model(&fit.unwrap())))
+        .collect();
     let mut wrong = Vec::new();
     for (number, (kind, damage, expected)) in KINDS.into_iter().enumerate() {
         let is_judged = |surface: usize| on_every_surface || surface == number % SURFACES.len();
         for (strength, expected) in expected.into_iter().enumerate() {
-            let judged = (0..takes.len()).filter(|&surface| is_judged(surface));
-            for (take, clean) in judged.map(|surface| (&takes[surface], &clean[surface])) {
+            for (take, clean) in (0..takes.len())
+                .filter(|&surface| is_judged(surface))
+                .map(|surface| (&takes[surface], &clean[surface]))
+            {
                 let outcome = fitted(&damage(take, strength));
                 let change_db = |fit: &Fit| {
                     let levels = levels(last_model(fit));
-                    let pairs = clean.iter().zip(&levels);
-                    pairs.map(|(a, b)| (a - b).abs()).sum::<f64>() / levels.len() as f64
+                    clean.iter().zip(&levels).map(|(a, b)| (a - b).abs()).sum::<f64>() / levels.len() as f64
                 };
                 let passes = |fit: &Fit, bound_db| names(fit).is_empty() && change_db(fit) <= bound_db;
                 let has = |fit: &Fit, name| names(fit).iter().any(|found| found.starts_with(name));
@@ -484,8 +491,9 @@ fn read(content: &str) -> Result<Vec<Vec<f64>>, String> {
     bench.write("a.csv", content);
     let mut set = RecordingSet::open(&[bench.path("a.csv")]).map_err(|e| e.to_string())?;
     set.trials[0].sample_rate_hz = Some(5000.0);
-    let samples = host_tools::recording::read(&set.trials[0]).map_err(|e| e.to_string())?;
-    Ok(samples.axes)
+    Ok(host_tools::recording::read(&set.trials[0])
+        .map_err(|e| e.to_string())?
+        .axes)
 }
 
 #[test]

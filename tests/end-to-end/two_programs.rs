@@ -72,8 +72,7 @@ fn a_second_program_on_a_link_is_refused_with_the_first_ones_name_and_the_first_
         "upload a.lib --activate",
         "record strokes.csv --strokes --seconds 1",
     ] {
-        let refused = desk.bench.refuse(second);
-        holds(&refused, &[&who, "close that program"]);
+        holds(&desk.bench.refuse(second), &[&who, "close that program"]);
     }
     let rows = json(&desk.bench.succeed("devices --json"));
     holds(&rows[0]["state"], &[&who]);

@@ -24,8 +24,8 @@ pub fn play(library: &[u8], motion: impl Fn(usize) -> Motion, output: &mut [Outp
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let path = std::env::args().nth(1).ok_or("give a library")?;
-    let motion = Motion::new(MillimetresPerSecond(120.0), Newton(1.0));
-    let motion = motion.map_err(|error: MotionError| error.to_string())?;
+    let motion =
+        Motion::new(MillimetresPerSecond(120.0), Newton(1.0)).map_err(|error: MotionError| error.to_string())?;
     let mut samples = vec![OutputSample::SILENCE; 5000];
     play(&std::fs::read(path)?, |_| motion, &mut samples)?;
     for sample in samples {

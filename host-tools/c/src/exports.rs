@@ -60,8 +60,7 @@ impl From<Fault> for Failure {
 }
 
 fn decoded(bytes: Vec<u8>) -> Result<*mut LibraryHandle, Failure> {
-    let library = SharedLibrary::decode(bytes);
-    let library = library.map_err(|error| Failure::new(Status::STYLUS_LIBRARY, &error))?;
+    let library = SharedLibrary::decode(bytes).map_err(|error| Failure::new(Status::STYLUS_LIBRARY, &error))?;
     Ok(Handle::open(library))
 }
 
@@ -107,8 +106,9 @@ pub unsafe extern "C" fn stylus_library_open(path: *const c_char, library: *mut 
         let path = unsafe { text(path) }?;
         let mut bytes = Vec::new();
         // One byte more than a library has, so that the decoder refuses what is longer.
-        let file = File::open(path).and_then(|file| file.take(MAX_LIBRARY_BYTES as u64 + 1).read_to_end(&mut bytes));
-        file.map_err(|error| Failure::new(Status::STYLUS_FILE, &format_args!("{path}: {error}")))?;
+        File::open(path)
+            .and_then(|file| file.take(MAX_LIBRARY_BYTES as u64 + 1).read_to_end(&mut bytes))
+            .map_err(|error| Failure::new(Status::STYLUS_FILE, &format_args!("{path}: {error}")))?;
         // SAFETY: the caller says what the addresses are.
         unsafe { put(library, decoded(bytes)?) }
     })

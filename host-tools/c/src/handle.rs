@@ -50,13 +50,13 @@ impl Player {
 
     /// Takes the filler for the calling thread, unless another has it. A faulty one stays what it is.
     fn take(&self) -> Result<(), Failure> {
-        let taken = self
-            .use_of_filler
-            .compare_exchange(FREE, TAKEN, Ordering::Acquire, Ordering::Relaxed);
-        taken.map(drop).map_err(|now| match now {
-            FAULTY => Status::STYLUS_FAULT.into(),
-            _ => Status::STYLUS_BUSY.into(),
-        })
+        self.use_of_filler
+            .compare_exchange(FREE, TAKEN, Ordering::Acquire, Ordering::Relaxed)
+            .map(drop)
+            .map_err(|now| match now {
+                FAULTY => Status::STYLUS_FAULT.into(),
+                _ => Status::STYLUS_BUSY.into(),
+            })
     }
 
     /// Fills `samples`, unless another thread does.
@@ -146,8 +146,8 @@ impl<T: Marked> Handle<T> {
         unsafe { Self::of(address) }?.retire()?;
         // SAFETY: it is a handle of this kind.
         let mark = unsafe { &(*address).mark };
-        let closed = mark.compare_exchange(T::MARK, 0, Ordering::AcqRel, Ordering::Acquire);
-        closed.map_err(|_| Status::STYLUS_HANDLE)?;
+        mark.compare_exchange(T::MARK, 0, Ordering::AcqRel, Ordering::Acquire)
+            .map_err(|_| Status::STYLUS_HANDLE)?;
         // SAFETY: its mark says that `open` made it, and only the first call that closes it finds the mark.
         drop(unsafe { Box::from_raw(address) });
         Ok(())

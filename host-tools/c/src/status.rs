@@ -60,8 +60,11 @@ static TEXTS: [&CStr; 14] = [
 
 /// Meaning of a status, by its number.
 pub fn text(status: i32) -> &'static CStr {
-    let known = usize::try_from(status).ok().and_then(|at| TEXTS.get(at));
-    known.copied().unwrap_or(c"an unknown status")
+    usize::try_from(status)
+        .ok()
+        .and_then(|at| TEXTS.get(at))
+        .copied()
+        .unwrap_or(c"an unknown status")
 }
 
 thread_local! {

@@ -153,8 +153,7 @@ impl PaddedSpectrum {
     pub fn tapered(signal: &[f64], max_lag: usize) -> Self {
         let samples = signal.len();
         let mut tapered = signal.to_vec();
-        let taper = taper(TAPER_SAMPLES.min(samples / TAPER_SHARE));
-        for (n, weight) in taper.iter().enumerate() {
+        for (n, weight) in taper(TAPER_SAMPLES.min(samples / TAPER_SHARE)).iter().enumerate() {
             tapered[n] *= weight;
             tapered[samples - 1 - n] *= weight;
         }

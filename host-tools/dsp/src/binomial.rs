@@ -15,8 +15,9 @@ pub fn clopper_pearson(successes: u32, trials: u32, confidence: f64) -> (f64, f6
     // The probability of at least k successes in n trials at the proportion p is the cumulative distribution at p of
     // the beta distribution with parameters k and n - k + 1.
     let quantile = |k: u32, chance: f64| {
-        let beta = Beta::new(f64::from(k), f64::from(trials - k + 1));
-        beta.expect("both counts are above zero").inverse_cdf(chance)
+        Beta::new(f64::from(k), f64::from(trials - k + 1))
+            .expect("both counts are above zero")
+            .inverse_cdf(chance)
     };
     // If no trial is a success, or every trial, the end of the interval is 0 or 1: its beta distribution is not
     // defined.

@@ -52,8 +52,7 @@ pub fn high_pass(signal: &mut [f64], rate_hz: f64, cut_hz: f64) {
     // A point reflection has no more samples than the signal beside its end.
     let count = wanted.min(signal.len() - 1);
     let before = signal[1..=count].iter().rev().map(|x| 2.0 * first - x);
-    let after = signal.iter().rev().skip(1).take(count);
-    let after = after.map(|x| 2.0 * last - x);
+    let after = signal.iter().rev().skip(1).take(count).map(|x| 2.0 * last - x);
     let mut long: Vec<f64> = before.chain(signal.iter().copied()).chain(after).collect();
     for _ in 0..2 {
         // A constant is filtered to zero. So the first value can be subtracted, and the filter starts at rest.
@@ -104,8 +103,9 @@ mod tests {
             let (before, mut after) = (sine(hz, 20_000), sine(hz, 20_000));
             high_pass(&mut after, RATE_HZ, 20.0);
             let expected = 1.0 / (1.0 + (warped(20.0) / warped(hz)).powi(8));
-            let worst = (5_000..15_000).map(|n| (after[n] - expected * before[n]).abs());
-            let worst = worst.fold(0.0, f64::max);
+            let worst = (5_000..15_000)
+                .map(|n| (after[n] - expected * before[n]).abs())
+                .fold(0.0, f64::max);
             assert!(worst < 1e-3 * expected + 1e-6, "{hz} Hz: {worst}");
         }
     }

@@ -188,6 +188,7 @@ pub fn error_share(reflection: &[f64]) -> f64 {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use test_helpers::near;
 
     /// `levinson_durbin` of statsmodels and `LEVINSON` of the spectrum package agree on these values.
     #[test]
@@ -200,7 +201,7 @@ mod tests {
         for (got, want) in a.iter().zip(expected) {
             assert!((got - want).abs() < 1e-11, "{a:?}");
         }
-        assert!((prediction.error_power[3] - 1.922_487_402_383).abs() < 1e-11);
+        near(prediction.error_power[3], 1.922_487_402_383, 1e-11);
     }
 
     #[test]

@@ -51,10 +51,7 @@ impl Model {
             }
         }
         let any_silent = models.iter().any(|(_, model)| model.is_silent());
-        let mean = |of: fn(f64) -> f64| -> f64 {
-            let terms = models.iter().map(|(w, model)| w * of(model.output_power));
-            terms.sum()
-        };
+        let mean = |of: fn(f64) -> f64| -> f64 { models.iter().map(|(w, model)| w * of(model.output_power)).sum() };
         let output_power = match law {
             LevelLaw::Logarithm if !any_silent => mean(f64::ln).exp(),
             LevelLaw::Power | LevelLaw::Logarithm => mean(|p| p),

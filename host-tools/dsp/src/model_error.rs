@@ -78,12 +78,13 @@ impl ModelError {
 
     /// Returns the largest ratio of an error to its bound in `bounds`; at most 1 if all errors are within their bounds.
     pub fn share_of(self, bounds: Self) -> f64 {
-        let shares = [
+        [
             self.rms_db / bounds.rms_db,
             self.third_octave_db / bounds.third_octave_db,
             self.line_db / bounds.line_db,
-        ];
-        shares.into_iter().fold(0.0, f64::max)
+        ]
+        .into_iter()
+        .fold(0.0, f64::max)
     }
 }
 
@@ -154,8 +155,7 @@ fn densities(models: &[Polynomial; 2], length: usize, bins: usize) -> [Vec<f64>;
         }
         let spectrum = fourier::forward(&mut response);
         let density = |bin: &Complex<f64>| model.error_power / bin.norm_sqr();
-        let lowest = spectrum.iter().take(bins);
-        lowest.map(density).collect::<Vec<f64>>()
+        spectrum.iter().take(bins).map(density).collect::<Vec<f64>>()
     });
     let ratio = rounded.iter().zip(&exact).map(|(r, e)| r / e).collect();
     [exact, ratio]

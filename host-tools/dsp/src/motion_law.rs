@@ -84,6 +84,7 @@ fn logarithms(speed_mm_s: f64, force_n: f64, centre: [f64; 2]) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use test_helpers::near;
 
     /// Levels of the law 3 + 4 ln v + 2 ln F, with different weights, which must not change the result.
     fn levels(motions: &[(f64, f64)]) -> Vec<LevelAt> {
@@ -100,7 +101,7 @@ mod tests {
     fn a_law_is_found_and_holds_beyond_its_levels() {
         let law = MotionLaw::of(&levels(&[(20.0, 0.5), (100.0, 0.7), (60.0, 2.0)])).unwrap();
         let expected = 3.0 + 4.0 * 200f64.ln() + 2.0 * 4f64.ln();
-        assert!((law.level_db(200.0, 4.0) - expected).abs() < 0.01);
+        near(law.level_db(200.0, 4.0), expected, 0.01);
     }
 
     #[test]

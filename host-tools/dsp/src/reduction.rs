@@ -134,8 +134,7 @@ pub fn remove_mean(signal: &mut [f64]) {
 
 /// Components of the principal direction, one per axis.
 fn weights(axes: &[Vec<f64>]) -> Vec<f64> {
-    let direction = principal_direction(axes);
-    direction.iter().copied().take(axes.len()).collect()
+    principal_direction(axes).iter().copied().take(axes.len()).collect()
 }
 
 fn projected(axes: &[Vec<f64>], weights: &[f64]) -> Vec<f64> {
@@ -151,8 +150,12 @@ fn projected(axes: &[Vec<f64>], weights: &[f64]) -> Vec<f64> {
 /// Returns the angle between the principal axes of two recordings, degrees, from 0 to 90. Both have the same axes,
 /// about their means.
 pub fn angle_deg(one: &[Vec<f64>], other: &[Vec<f64>]) -> f64 {
-    let cos = principal_direction(one).dot(&principal_direction(other));
-    cos.abs().min(1.0).acos().to_degrees()
+    principal_direction(one)
+        .dot(&principal_direction(other))
+        .abs()
+        .min(1.0)
+        .acos()
+        .to_degrees()
 }
 
 /// Returns the unit vector in the direction of the greatest variance. Its largest component is positive, so that the
@@ -206,7 +209,7 @@ fn dft321(axes: &[Vec<f64>]) -> Vec<f64> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use test_helpers::noise;
+    use test_helpers::{near, noise};
 
     fn centred_energy(axes: &[Vec<f64>]) -> f64 {
         let mut axes = axes.to_vec();
@@ -242,9 +245,9 @@ mod tests {
         let scaled = |gain: f64| base.iter().map(|x| gain * x + 7.0).collect::<Vec<_>>();
         let mut axes = vec![scaled(1.0), scaled(-2.0), scaled(2.0)];
         let reduced = reduce(&mut axes, Reduction::Pca).unwrap();
-        assert!((reduced.energy_share - 1.0).abs() < 1e-12);
+        near(reduced.energy_share, 1.0, 1e-12);
         let expected = centred_energy(&[base]) * 9.0;
-        assert!((energy(&reduced.signal) / expected - 1.0).abs() < 1e-9);
+        near(energy(&reduced.signal) / expected, 1.0, 1e-9);
     }
 
     /// A magnitude without its phase would make the signal one-sided. The sum of opposite axes is zero, so it has no
@@ -254,7 +257,7 @@ mod tests {
         let x = noise(5, 1000);
         let mut axes = vec![x.clone(), x.iter().map(|v| -v).collect()];
         let reduced = reduce(&mut axes, Reduction::Dft321).unwrap();
-        assert!((energy(&reduced.signal) / (2.0 * centred_energy(&[x])) - 1.0).abs() < 1e-9);
+        near(energy(&reduced.signal) / (2.0 * centred_energy(&[x])), 1.0, 1e-9);
         assert!(reduced.signal.iter().any(|&v| v < 0.0) && reduced.signal.iter().any(|&v| v > 0.0));
         let mut same = vec![noise(6, 1000); 3];
         let alone = same[0].clone();
@@ -262,7 +265,7 @@ mod tests {
         let mut expected = alone;
         remove_mean(&mut expected);
         for (got, want) in tripled.iter().zip(expected) {
-            assert!((got - want * 3f64.sqrt()).abs() < 1e-9);
+            near(*got, want * 3f64.sqrt(), 1e-9);
         }
     }
 

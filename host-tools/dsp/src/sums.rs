@@ -85,8 +85,7 @@ pub(crate) fn dot_inlined<T: Copy + Into<f64>>(a: &[T], b: &[T]) -> f64 {
             *sum += a.into() * b.into();
         }
     }
-    let rest = a_rest.iter().zip(b_rest);
-    let rest: f64 = rest.map(|(&a, &b)| a.into() * b.into()).sum();
+    let rest: f64 = a_rest.iter().zip(b_rest).map(|(&a, &b)| a.into() * b.into()).sum();
     sums.iter().sum::<f64>() + rest
 }
 
@@ -229,8 +228,10 @@ fn steps_inlined(values: &[f64]) -> (f64, f64) {
             most[lane] = if step > most[lane] { step } else { most[lane] };
         }
     }
-    let rest = before_rest.iter().zip(after_rest);
-    let rest = rest.map(|(&before, &after)| step(before, after));
+    let rest = before_rest
+        .iter()
+        .zip(after_rest)
+        .map(|(&before, &after)| step(before, after));
     let lanes = least.into_iter().chain(rest.clone().filter(|&step| step > 0.0));
     (
         lanes.fold(f64::INFINITY, f64::min),

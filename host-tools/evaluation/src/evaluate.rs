@@ -165,8 +165,10 @@ pub struct Comparison {
 impl Comparison {
     /// The longest judged block.
     pub fn longest_block(&self) -> &[f64] {
-        let longest = self.judged.iter().max_by_key(|block| block.len());
-        longest.map_or(&[], Vec::as_slice)
+        self.judged
+            .iter()
+            .max_by_key(|block| block.len())
+            .map_or(&[], Vec::as_slice)
     }
 
     /// The frequencies that can be judged; `None` if blocks are too short.
@@ -193,8 +195,7 @@ impl Comparison {
 pub fn texture_named<'a>(library: &Library<'a>, name: &str) -> Result<Texture<'a>> {
     library.texture(name).ok_or_else(|| {
         let names: Vec<&str> = library.textures().map(|texture| texture.name()).collect();
-        let scenes = library.scenes().map(|scene| scene.name.to_string());
-        let scenes: Vec<String> = scenes.collect();
+        let scenes: Vec<String> = library.scenes().map(|scene| scene.name.to_string()).collect();
         let scene = nearly(name, &scenes).map(|scene| format!("; '{scene}' is a scene of it"));
         Error::Request(format!(
             "the library has no texture '{name}'; it has {}{}",
@@ -235,12 +236,16 @@ fn without_noise(set: &RecordingSet, record: Option<&FitRecord>, conditioning: C
     };
     let of_texture = |(_, members): (&str, Vec<usize>)| {
         // Recordings that cannot be read are reported by the comparison.
-        let read = Recordings::read(set, &members, &options, Part::Whole, &|_| ()).ok();
-        read.map_or_else(Vec::new, |own| own.trials)
+        Recordings::read(set, &members, &options, Part::Whole, &|_| ())
+            .ok()
+            .map_or_else(Vec::new, |own| own.trials)
     };
-    let trials = set.by_texture().into_iter().flat_map(of_texture);
-    let of_surface = trials.filter(|own| own.trial.is_in_motion_and_contact());
-    of_surface.filter_map(|own| Some((own.number, own.signal?))).collect()
+    set.by_texture()
+        .into_iter()
+        .flat_map(of_texture)
+        .filter(|own| own.trial.is_in_motion_and_contact())
+        .filter_map(|own| Some((own.number, own.signal?)))
+        .collect()
 }
 
 /// Prepares the comparison of a trial with its judge, from the trial's `signal` and without a synthesis yet.
@@ -402,8 +407,9 @@ impl Evaluation {
 
     /// The verdict on each texture, after its name.
     pub fn verdicts(&self) -> impl Iterator<Item = String> {
-        let textures = self.textures.iter();
-        textures.map(|texture| format!("{}: {}", texture.texture, texture.verdict))
+        self.textures
+            .iter()
+            .map(|texture| format!("{}: {}", texture.texture, texture.verdict))
     }
 
     /// The table of all textures: the figures of the synthesis and, in brackets, those of the target, which the title
@@ -514,8 +520,10 @@ fn refit(
     };
     // All signals are held, because the excitation is fitted to them.
     let recordings = fit::read(&part, &fit_options, Part::Blocks, usize::MAX, &|_| ())?;
-    let lengths = recordings.iter().flat_map(|own| &own.trials);
-    let blocks_s = lengths.map(|own| Blocks::of(own.samples().len()).block_s());
+    let blocks_s = recordings
+        .iter()
+        .flat_map(|own| &own.trials)
+        .map(|own| Blocks::of(own.samples().len()).block_s());
     let range_s = blocks_s.fold((f64::INFINITY, 0.0f64), |(low, high), s| (low.min(s), high.max(s)));
     let fit = fit::fit_recordings(&part, recordings, &fit_options, Part::Blocks, &|_| ())?;
     let libraries = fit.textures.into_iter().map(|texture| {
@@ -550,8 +558,9 @@ fn judged(trial: &Trial, judge: JudgeKind, comparison: &Comparison, options: &Op
     let is_silent = recorded_rms <= 0.0 || synthesised_rms <= 0.0;
     let range = comparison.range();
     let usable = range.filter(|_| !is_silent);
-    let scores = usable.map(|range| scores_of(&judged_blocks, &played, &range, options));
-    let scores = scores.unwrap_or(Scores::NONE);
+    let scores = usable.map_or(Scores::NONE, |range| {
+        scores_of(&judged_blocks, &played, &range, options)
+    });
     let is_held_out = judge != JudgeKind::Nothing;
     let is_judged = is_held_out && !is_silent;
     // These figures need no data that are held out, because no model takes part.

@@ -122,7 +122,7 @@ pub(super) fn in_words(judges: &[Judge], blocks_s: (f64, f64)) -> String {
     } else {
         format!("{} to {} s", decimals(shortest), decimals(longest))
     };
-    let sentences = [
+    [
         (
             JudgeKind::Blocks,
             format!(
@@ -144,8 +144,9 @@ pub(super) fn in_words(judges: &[Judge], blocks_s: (f64, f64)) -> String {
              record of what it was fitted to. Fit it again, which writes the record, or give --takes."
                 .to_owned(),
         ),
-    ];
-    let kinds = sentences.into_iter().filter_map(|(kind, sentence)| {
+    ]
+    .into_iter()
+    .filter_map(|(kind, sentence)| {
         let count = judges.iter().filter(|judge| judge.kind() == kind).count();
         let whose = if count == judges.len() {
             String::new()
@@ -153,8 +154,9 @@ pub(super) fn in_words(judges: &[Judge], blocks_s: (f64, f64)) -> String {
             format!("{count} of {} trials: ", judges.len())
         };
         (count > 0).then(|| format!("{whose}{sentence}"))
-    });
-    kinds.collect::<Vec<_>>().join(" ")
+    })
+    .collect::<Vec<_>>()
+    .join(" ")
 }
 
 /// A duration with two decimals at most.

@@ -99,8 +99,10 @@ impl TrialLiveliness {
         let blocks = judged.len().max(1);
         let len = judged.iter().map(|block| block.len()).max().unwrap_or(0);
         let in_pieces = |of: &[&[f64]]| -> Liveliness {
-            let pieces = of.chunks_exact(blocks);
-            let measured: Vec<Liveliness> = pieces.map(|piece| Liveliness::of(piece, rate_hz, line_hz)).collect();
+            let measured: Vec<Liveliness> = of
+                .chunks_exact(blocks)
+                .map(|piece| Liveliness::of(piece, rate_hz, line_hz))
+                .collect();
             // A signal with fewer blocks than the judge is one piece.
             if measured.is_empty() {
                 Liveliness::of(of, rate_hz, line_hz)
@@ -140,8 +142,10 @@ impl TrialLiveliness {
 
     /// The recording's measures.
     fn recording(&self) -> Liveliness {
-        let recording = self.signals.iter().find(|s| s.role == Role::Recording);
-        recording.map_or(Liveliness::default(), |signal| signal.measures)
+        self.signals
+            .iter()
+            .find(|s| s.role == Role::Recording)
+            .map_or(Liveliness::default(), |signal| signal.measures)
     }
 }
 

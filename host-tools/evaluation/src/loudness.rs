@@ -116,11 +116,12 @@ impl Windows {
     fn of<'a>(blocks: impl Iterator<Item = &'a [f64]>) -> Self {
         let samples = (WINDOW_S * f64::from(SAMPLE_RATE_HZ)).round() as usize;
         // Block by block, so that no window crosses the join of two blocks.
-        let energies = blocks.flat_map(|block| {
-            let squares: Vec<f64> = block.iter().map(|x| x * x).collect();
-            sliding(&squares, &vec![1.0; samples])
-        });
-        let energies: Vec<f64> = energies.collect();
+        let energies: Vec<f64> = blocks
+            .flat_map(|block| {
+                let squares: Vec<f64> = block.iter().map(|x| x * x).collect();
+                sliding(&squares, &vec![1.0; samples])
+            })
+            .collect();
         let Some(median) = upper_median(&energies) else {
             return Self::default();
         };
@@ -155,9 +156,10 @@ pub(super) fn set_around(trials: &mut [Placed<'_>]) {
     }
     for (trial, (speed, force)) in trials.iter_mut().zip(places) {
         let near = |at: usize| at.saturating_sub(1)..=at + 1;
-        let around = near(speed).flat_map(|speed| near(force).map(move |force| (speed, force)));
-        let around = around.filter_map(|place| loudest.get(&place).copied());
-        let around = around.fold(Around::default(), Around::with);
+        let around = near(speed)
+            .flat_map(|speed| near(force).map(move |force| (speed, force)))
+            .filter_map(|place| loudest.get(&place).copied())
+            .fold(Around::default(), Around::with);
         trial.loudness.compare(around);
     }
 }
@@ -227,8 +229,9 @@ mod tests {
         let eventful = TrialLoudness::of(&events, &recorded, &events, None).unwrap();
         let speeds_mm_s = [40.0, 60.0, 80.0];
         let mut of_trials = [click, click, eventful];
-        let placed = of_trials.iter_mut().zip(speeds_mm_s);
-        let mut placed: Vec<Placed<'_>> = placed
+        let mut placed: Vec<Placed<'_>> = of_trials
+            .iter_mut()
+            .zip(speeds_mm_s)
             .map(|(loudness, speed_mm_s)| Placed {
                 speed_mm_s,
                 force_n: 1.0,

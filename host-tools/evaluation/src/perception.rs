@@ -181,8 +181,10 @@ impl ScoringRange {
 
     /// The number of third octaves that lie in the range.
     pub fn bands(&self) -> usize {
-        let edges = (0..BAND_COUNT).map(band_edges_hz);
-        edges.filter(|(low, high)| self.holds(*low, *high)).count()
+        (0..BAND_COUNT)
+            .map(band_edges_hz)
+            .filter(|(low, high)| self.holds(*low, *high))
+            .count()
     }
 }
 
@@ -191,7 +193,7 @@ mod tests {
     use std::f64::consts::TAU;
 
     use super::*;
-    use test_helpers::noise;
+    use test_helpers::{near, noise};
 
     const RATE_HZ: f64 = 5000.0;
 
@@ -228,7 +230,7 @@ mod tests {
     fn trigamma_has_its_known_values() {
         let pi = std::f64::consts::PI;
         for (x, value) in [(1.0, pi * pi / 6.0), (0.5, pi * pi / 2.0), (10.0, 0.105_166_335_7)] {
-            assert!((trigamma(x) - value).abs() < 1e-6, "{x}: {}", trigamma(x));
+            near(trigamma(x), value, 1e-6);
         }
     }
 
@@ -291,7 +293,7 @@ mod tests {
         assert_eq!(range(1000.0).cost_hz.1, 450.0);
         assert_eq!(range(1000.0).distance_hz(), (30.0, 450.0));
         for rate_hz in [5000.0, 44_100.0] {
-            assert!((range(rate_hz).high_hz - 1122.0).abs() < 0.1);
+            near(range(rate_hz).high_hz, 1122.0, 0.1);
             assert_eq!(range(rate_hz).cost_hz.1, 2500.0);
             assert_eq!(range(rate_hz).distance_hz(), DISTANCE_RANGE_HZ);
         }
@@ -302,7 +304,7 @@ mod tests {
     fn a_range_begins_where_blocks_resolve_a_third_octave() {
         let low_hz = |block| ScoringRange::of(5000.0, block).map(|range| range.low_hz);
         assert_eq!(low_hz(2500), low_hz(5000));
-        assert!((low_hz(1000).unwrap() - 38.6).abs() < 0.1);
+        near(low_hz(1000).unwrap(), 38.6, 0.1);
         assert_eq!(low_hz(1), None);
         assert_eq!(low_hz(0), None);
     }

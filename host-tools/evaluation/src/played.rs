@@ -68,13 +68,16 @@ pub fn parts(texture: &Texture<'_>) -> PartsSpec {
 /// Parts in words: `Gaussian` where no excitation is stored.
 pub fn in_words(parts: &PartsSpec) -> String {
     let PartsSpec { excitation, lines } = parts;
-    let names = [
+    [
         ("recorded snippets", excitation.is_some()),
         ("Gaussian", excitation.is_none()),
         ("lines", lines.is_some()),
-    ];
-    let there = names.iter().filter(|(_, is_there)| *is_there);
-    there.map(|(name, _)| *name).collect::<Vec<_>>().join(" + ")
+    ]
+    .iter()
+    .filter(|(_, is_there)| *is_there)
+    .map(|(name, _)| *name)
+    .collect::<Vec<_>>()
+    .join(" + ")
 }
 
 /// Calls `work` with the parts of `texture` that `played` selects.

@@ -116,9 +116,10 @@ impl Stroke {
     /// Returns the parts of `signal` whose windows are in motion and contact without a gap, if they are long enough for
     /// a spectrum.
     fn parts<'a>(&self, signal: &'a [f64]) -> Vec<&'a [f64]> {
-        let runs = self.windows.chunk_by(|a, b| a.0 + 1 == b.0);
-        let long = runs.filter(|run| run.len() >= SPECTRUM_WINDOWS);
-        long.map(|run| &signal[run[0].0 * WINDOW..(run[run.len() - 1].0 + 1) * WINDOW])
+        self.windows
+            .chunk_by(|a, b| a.0 + 1 == b.0)
+            .filter(|run| run.len() >= SPECTRUM_WINDOWS)
+            .map(|run| &signal[run[0].0 * WINDOW..(run[run.len() - 1].0 + 1) * WINDOW])
             .collect()
     }
 
@@ -242,13 +243,15 @@ fn of_library(texture: Texture<'_>, judges: &[Stroke], seed: u64, recorded: &[f6
         };
         (0..PLAYINGS).map(of_seed).collect::<Result<Vec<_>>>()
     };
-    let played = (0..judges.len()).into_par_iter().map(play);
-    let played = played.collect::<Result<Vec<_>>>()?;
+    let played = (0..judges.len())
+        .into_par_iter()
+        .map(play)
+        .collect::<Result<Vec<_>>>()?;
     let strokes = || judges.iter().zip(&played);
     let of_playings = |of: &dyn Fn(&[Vec<f64>], usize) -> f64| -> Vec<f64> {
-        let levels =
-            strokes().flat_map(|(stroke, played)| (stroke.windows.iter()).map(move |(window, _)| of(played, *window)));
-        levels.collect()
+        strokes()
+            .flat_map(|(stroke, played)| (stroke.windows.iter()).map(move |(window, _)| of(played, *window)))
+            .collect()
     };
     let once = of_playings(&|played, window| level_db(&played[0], window));
     let averaged = of_playings(&|played, window| {
@@ -269,8 +272,11 @@ fn of_baselines(fitted: &[Stroke], judges: &[Stroke], recorded: &[f64]) -> Optio
     let levels: Vec<LevelAt> = fitted.iter().flat_map(|s| s.windows.iter().map(|w| w.1)).collect();
     let law = MotionLaw::of(&levels).filter(|_| !judges.is_empty())?;
     let constant_db = mean(&levels.iter().map(|at| at.level_db).collect::<Vec<_>>());
-    let windows = judges.iter().flat_map(|stroke| &stroke.windows);
-    let by_law: Vec<f64> = windows.map(|(_, at)| law.level_db(at.speed_mm_s, at.force_n)).collect();
+    let by_law: Vec<f64> = judges
+        .iter()
+        .flat_map(|stroke| &stroke.windows)
+        .map(|(_, at)| law.level_db(at.speed_mm_s, at.force_n))
+        .collect();
     let nearest: Vec<&Stroke> = judges.iter().map(|stroke| nearest(stroke, fitted)).collect();
     let replayed: Vec<f64> = (judges.iter().zip(&nearest))
         .flat_map(|(stroke, near)| {
@@ -346,8 +352,10 @@ fn nearest<'a>(stroke: &Stroke, others: &'a [Stroke]) -> &'a Stroke {
         let middle = other.middle();
         (middle[0] - own[0]).hypot(middle[1] - own[1])
     };
-    let nearest = others.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
-    nearest.expect("there are levels of at least one")
+    others
+        .iter()
+        .min_by(|a, b| distance(a).total_cmp(&distance(b)))
+        .expect("there are levels of at least one")
 }
 
 /// Returns the mean magnitude of the errors of third octaves over all strokes that have a spectrum. `others` are the
@@ -376,8 +384,9 @@ impl Nearness {
         let product = recorded
             .iter()
             .zip(levels)
-            .map(|(a, b)| (a - middle.0) * (b - middle.1));
-        let product = product.sum::<f64>() / recorded.len() as f64;
+            .map(|(a, b)| (a - middle.0) * (b - middle.1))
+            .sum::<f64>()
+            / recorded.len() as f64;
         let correlation = product / (variance(recorded) * variance(levels)).sqrt();
         Self {
             by,

@@ -158,8 +158,10 @@ pub fn liveliness_table(title: &str, of: &[(String, &[Summary])]) -> Table {
     };
     let rows = of.iter().flat_map(|(name, summaries)| {
         // Only the first row has the name.
-        let names = std::iter::once(name.as_str()).chain(std::iter::repeat(""));
-        names.zip(*summaries).map(|(name, summary)| row(name, summary))
+        std::iter::once(name.as_str())
+            .chain(std::iter::repeat(""))
+            .zip(*summaries)
+            .map(|(name, summary)| row(name, summary))
     });
     Table::new(
         title,
@@ -232,9 +234,12 @@ pub(super) fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
 /// The frequencies of all figures, in words.
 pub(super) fn judged_hz(trials: &[TrialEvaluation]) -> String {
     let ends = |of: fn(ScoringRange) -> (f64, f64)| {
-        let heard = trials.iter().filter(|trial| !trial.is_silent);
-        let ranges = heard.filter_map(|trial| trial.range).map(of);
-        let (low, high) = ranges.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))?;
+        let (low, high) = trials
+            .iter()
+            .filter(|trial| !trial.is_silent)
+            .filter_map(|trial| trial.range)
+            .map(of)
+            .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))?;
         Some(format!("{low:.0} to {high:.0} Hz"))
     };
     let found = ends(|range| range.band_edges_hz())

@@ -40,8 +40,11 @@ impl Table {
 
     /// Returns whether all filled cells of a column begin with a digit or a sign.
     pub fn is_of_numbers(&self, column: usize) -> bool {
-        let cells = self.rows.iter().filter_map(|row| row.get(column));
-        let mut filled = cells.filter(|cell| !cell.is_empty());
+        let mut filled = self
+            .rows
+            .iter()
+            .filter_map(|row| row.get(column))
+            .filter(|cell| !cell.is_empty());
         filled.all(|cell| cell.starts_with(|c: char| c.is_ascii_digit() || "+-".contains(c)))
     }
 }

@@ -37,8 +37,7 @@ pub fn explanation() -> String {
 
 /// Returns the verdict on a texture, from its summary and all its trials.
 pub(super) fn of_texture(texture: &TextureEvaluation, trials: &[&TrialEvaluation]) -> String {
-    let heard = trials.iter().copied().filter(|trial| !trial.is_silent);
-    let heard: Vec<&TrialEvaluation> = heard.collect();
+    let heard: Vec<&TrialEvaluation> = trials.iter().copied().filter(|trial| !trial.is_silent).collect();
     let all = |kind| heard.iter().all(|trial| trial.judge == kind);
     let is_judged = |trial: &&&TrialEvaluation| trial.scores.perceived.is_some();
     let judged = heard.iter().filter(is_judged).count();
@@ -73,8 +72,9 @@ pub(super) fn of_texture(texture: &TextureEvaluation, trials: &[&TrialEvaluation
 /// Returns the band that was judged in all trials of these `ranges`, in words, if recordings of a low rate leave out
 /// much of what skin feels.
 fn narrow(ranges: impl Iterator<Item = ScoringRange>) -> Option<String> {
-    let edges = ranges.map(|range| range.band_edges_hz());
-    let (low, high) = edges.reduce(|a, b| (a.0.max(b.0), a.1.min(b.1)))?;
+    let (low, high) = ranges
+        .map(|range| range.band_edges_hz())
+        .reduce(|a, b| (a.0.max(b.0), a.1.min(b.1)))?;
     (high < DISTANCE_RANGE_HZ.1).then(|| format!("judged from {low:.0} to {high:.0} Hz alone"))
 }
 
@@ -93,8 +93,7 @@ fn spectrum(own: &Means, target: &Means, other: &str) -> Option<String> {
     } else {
         format!("spectrum {further_db:.1} dB further than {other}")
     };
-    let felt = own.level_error_jnd.filter(|jnd| *jnd >= 1.0);
-    let felt = felt.map(|jnd| {
+    let felt = own.level_error_jnd.filter(|jnd| *jnd >= 1.0).map(|jnd| {
         let target = target.level_error_jnd.unwrap_or(0.0);
         format!(", levels {jnd:.1} JND off (target {target:.1})")
     });
@@ -108,12 +107,13 @@ fn worst_band(heard: &[&TrialEvaluation]) -> Option<String> {
         // With their signs, so that the scatter of single trials averages out.
         mean(heard.iter().filter_map(|t| of(t).band_errors_db[band]))
     };
-    let bands = (0..BAND_COUNT).filter_map(|band| {
-        let own_db = level(|t| &t.scores, band)?;
-        let target_db = level(|t| &t.other, band).unwrap_or(0.0);
-        Some((own_db.abs() - target_db.abs(), own_db, band))
-    });
-    let (beyond_db, own_db, band) = bands.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let (beyond_db, own_db, band) = (0..BAND_COUNT)
+        .filter_map(|band| {
+            let own_db = level(|t| &t.scores, band)?;
+            let target_db = level(|t| &t.other, band).unwrap_or(0.0);
+            Some((own_db.abs() - target_db.abs(), own_db, band))
+        })
+        .max_by(|a, b| a.0.total_cmp(&b.0))?;
     let way = if own_db > 0.0 { "strong" } else { "weak" };
     let centre_hz = BAND_LABELS_HZ[band];
     (beyond_db > AMPLITUDE_JND_DB).then(|| format!("{:.0} dB too {way} at {centre_hz} Hz", own_db.abs()))

@@ -103,9 +103,11 @@ pub fn energy(signals: &[i32]) -> u128 {
 /// Returns whether any of `signals` is at full scale. It checks all of them, which is faster than to stop at the first
 /// one.
 pub fn any_at_end(signals: &[i32]) -> bool {
-    let ends = signals.iter();
-    let ends = ends.map(|&signal| u32::from(signal == i32::MIN || signal == i32::MAX));
-    ends.sum::<u32>() > 0
+    signals
+        .iter()
+        .map(|&signal| u32::from(signal == i32::MIN || signal == i32::MAX))
+        .sum::<u32>()
+        > 0
 }
 
 /// Returns full scale with a random sign.

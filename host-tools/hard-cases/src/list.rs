@@ -43,8 +43,7 @@ impl Case {
 
     /// Models of the case, by reference, with their output powers, (m/s²)².
     pub fn nodes(&self) -> Vec<(&NamedModel, f64)> {
-        let nodes = self.models.iter();
-        nodes.map(|(model, power)| (model, *power)).collect()
+        self.models.iter().map(|(model, power)| (model, *power)).collect()
     }
 
     /// Returns whether the case is one node at rest.
@@ -54,8 +53,10 @@ impl Case {
 
     /// Largest pole radius of the case's models.
     pub fn pole_radius(&self) -> f64 {
-        let radii = self.models.iter().map(|(model, _)| model.pole_radius);
-        radii.fold(0.0, f64::max)
+        self.models
+            .iter()
+            .map(|(model, _)| model.pole_radius)
+            .fold(0.0, f64::max)
     }
 
     /// Returns the number of samples to wait for silence. It is large for lines that ring for long. A filter that does
@@ -76,13 +77,17 @@ impl Case {
 fn grids() -> Vec<(&'static str, Vec<(NamedModel, f64)>)> {
     let fixtures = fixtures();
     let model = |name: &str| {
-        let found = fixtures.iter().find(|model| model.name == name);
-        found.expect("a fixture of this name").clone()
+        fixtures
+            .iter()
+            .find(|model| model.name == name)
+            .expect("a fixture of this name")
+            .clone()
     };
     let loud = |names: [&str; 4]| names.map(|name| (model(name), LOUDEST)).to_vec();
     let resonant = |radius: f64, frequencies_hz: [f64; 4]| {
-        let nodes = frequencies_hz.map(|frequency_hz| (resonance(radius, frequency_hz), LOUDEST));
-        nodes.to_vec()
+        frequencies_hz
+            .map(|frequency_hz| (resonance(radius, frequency_hz), LOUDEST))
+            .to_vec()
     };
     let orders = [400, 37, 1, 0].map(|order| (falling(order), LOUDEST)).to_vec();
     let quiet = [LOUDEST, LOUDEST * 1e-9, LOUDEST * 1e-6, LOUDEST];
@@ -117,8 +122,11 @@ pub fn suite(length: Length) -> Vec<Case> {
         Length::Full => (60_000, 20_000),
         Length::Long => (2_000_000, 400_000),
     };
-    let singles = fixtures().into_iter().chain(resonances());
-    let mut cases: Vec<Case> = singles.map(|model| Case::alone(model, alone)).collect();
+    let mut cases: Vec<Case> = fixtures()
+        .into_iter()
+        .chain(resonances())
+        .map(|model| Case::alone(model, alone))
+        .collect();
     let mut loud = vec![(resonance(0.95, 150.0), LOUDEST); 3];
     loud.push((resonance(0.95, 150.0), LOUDEST * 1e-9));
     cases.push(Case {

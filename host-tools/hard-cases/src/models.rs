@@ -93,8 +93,7 @@ pub fn resonance(radius: f64, frequency_hz: f64) -> NamedModel {
 
 /// Resonances of low and high frequency, from a damped one to a pole radius of 0.99999.
 pub fn resonances() -> Vec<NamedModel> {
-    let radii = [0.99, 0.999, 0.9999, 0.999_99];
-    radii
+    [0.99, 0.999, 0.9999, 0.999_99]
         .into_iter()
         .flat_map(|radius| [resonance(radius, 100.0), resonance(radius, 1230.0)])
         .collect()

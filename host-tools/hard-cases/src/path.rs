@@ -38,11 +38,12 @@ impl Path {
     /// The motion that begins at this sample, if one does.
     pub fn change_at(&self, sample: usize) -> Option<Motion> {
         let every = self.every().map(|every| every as usize);
-        let changes = every.map_or(sample == 0, |every| sample.is_multiple_of(every));
-        changes.then(|| {
-            let (speed_mm_s, force_n) = self.place(sample / every.unwrap_or(1));
-            Motion::new(MillimetresPerSecond(speed_mm_s), Newton(force_n)).expect("it is finite")
-        })
+        every
+            .map_or(sample == 0, |every| sample.is_multiple_of(every))
+            .then(|| {
+                let (speed_mm_s, force_n) = self.place(sample / every.unwrap_or(1));
+                Motion::new(MillimetresPerSecond(speed_mm_s), Newton(force_n)).expect("it is finite")
+            })
     }
 
     /// Speed, mm/s, and force, N, in this interval of the path.

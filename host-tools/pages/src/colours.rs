@@ -190,8 +190,7 @@ mod tests {
 
     #[test]
     fn every_colour_of_a_series_has_one_of_its_own_in_the_dark() {
-        let dark = SERIES.iter().map(|series| hex(in_the_dark(*series)));
-        let dark: std::collections::BTreeSet<String> = dark.collect();
+        let dark: std::collections::BTreeSet<String> = SERIES.iter().map(|series| hex(in_the_dark(*series))).collect();
         assert_eq!(dark.len(), SERIES.len());
         for series in SERIES {
             assert_ne!(in_the_dark(series), series);

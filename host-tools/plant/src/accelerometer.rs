@@ -60,8 +60,7 @@ impl Sensor {
 
     /// Returns the voltages of the axes, relative to mid-scale.
     pub fn volts(&self) -> [f64; 3] {
-        let hums = self.faults.iter().map(|fault| fault.hum(self.steps)[1]);
-        let hum: f64 = hums.sum();
+        let hum: f64 = self.faults.iter().map(|fault| fault.hum(self.steps)[1]).sum();
         std::array::from_fn(|axis| {
             let dead = |fault: &Fault| matches!(fault, Fault::DeadAxis { axis: dead } if *dead as usize == axis);
             let rest = self.parameters.rest_volts[axis];

@@ -90,8 +90,9 @@ pub fn steady_state(rows: &Rows, z: Complex<f64>) -> [Complex<f64>; STATES] {
     }
     for at in 0..STATES {
         let size = |row: &usize| left[*row][at].norm_sqr();
-        let pivot = (at..STATES).max_by(|one, other| size(one).total_cmp(&size(other)));
-        let pivot = pivot.expect("there is a row");
+        let pivot = (at..STATES)
+            .max_by(|one, other| size(one).total_cmp(&size(other)))
+            .expect("there is a row");
         left.swap(at, pivot);
         right.swap(at, pivot);
         let (pivot_row, pivot_right) = (left[at], right[at]);

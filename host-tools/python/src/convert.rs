@@ -71,8 +71,7 @@ pub fn plain<'py>(py: Python<'py>, value: &impl Serialize) -> PyResult<Bound<'py
 /// # Errors
 /// None for the arguments of the class.
 pub fn made<'py>(py: Python<'py>, class: &str, arguments: impl PyCallArgs<'py>) -> PyResult<Bound<'py, PyAny>> {
-    let results = py.import("stylus_haptics._results")?;
-    results.getattr(class)?.call1(arguments)
+    py.import("stylus_haptics._results")?.getattr(class)?.call1(arguments)
 }
 
 /// `values` as an array of one dimension, without a copy.
@@ -83,8 +82,7 @@ pub fn array<T: Element>(py: Python<'_>, values: Vec<T>) -> Py<PyArray1<T>> {
 /// `values`, row by row, as an array of `rows` rows.
 pub fn table<T: Element>(py: Python<'_>, values: Vec<T>, rows: usize) -> PyResult<Py<PyArray2<T>>> {
     let columns = values.len() / rows.max(1);
-    let flat = PyArray1::from_vec(py, values);
-    Ok(flat.reshape([rows, columns])?.unbind())
+    Ok(PyArray1::from_vec(py, values).reshape([rows, columns])?.unbind())
 }
 
 /// Largest number of numbers of an array that are copied: 1 GiB of doubles.
@@ -109,8 +107,9 @@ pub fn numbers(name: &str, values: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
 fn taken<T: Element + Copy>(values: &Bound<'_, PyAny>) -> PyResult<(Vec<T>, Vec<usize>)> {
     let py = values.py();
     let numpy = py.import("numpy")?;
-    let array = numpy.call_method1("require", (values, dtype::<T>(py), "CAE"))?;
-    let array: PyReadonlyArrayDyn<'_, T> = array.extract()?;
+    let array: PyReadonlyArrayDyn<'_, T> = numpy
+        .call_method1("require", (values, dtype::<T>(py), "CAE"))?
+        .extract()?;
     // NumPy says that no items are aligned anywhere.
     let items = if array.is_empty() {
         Vec::new()
@@ -309,8 +308,9 @@ pub fn channels(samples: &Bound<'_, PyAny>) -> PyResult<Channels> {
     let most = &mut Left::of(MAX_CHANNELS * MAX_FRAMES);
     let samples = bounded("samples", samples, 2, most)?;
     let numpy = py.import("numpy")?;
-    let array = numpy.call_method1("asarray", (samples,))?;
-    let array = array.cast_into::<PyUntypedArray>()?;
+    let array = numpy
+        .call_method1("asarray", (samples,))?
+        .cast_into::<PyUntypedArray>()?;
     let dtype = array.dtype();
     let kind: String = dtype.getattr("kind")?.extract()?;
     let full_scale = match (kind.as_str(), dtype.getattr("itemsize")?.extract()?) {

@@ -66,8 +66,9 @@ impl Device {
         py: Python<'_>,
         request: impl FnOnce(&Linked) -> std::result::Result<T, LinkError> + Send,
     ) -> PyResult<T> {
-        let answer = py.detach(|| open(&mut locked(&self.shared)).map(|device| request(device)));
-        answer.map_err(raised)?.map_err(|failure| link_raised(&failure))
+        py.detach(|| open(&mut locked(&self.shared)).map(|device| request(device)))
+            .map_err(raised)?
+            .map_err(|failure| link_raised(&failure))
     }
 
     fn reported<'py>(&self, py: Python<'py>, status: &Status) -> PyResult<Bound<'py, PyAny>> {
@@ -95,14 +96,15 @@ impl Device {
             None => Timeouts::default(),
         };
         let address = link.map(address).transpose()?;
-        let device = py.detach(|| {
-            let address = match address {
-                Some(address) => address,
-                None => discovery::only()?.0,
-            };
-            Linked::connect(&address, timeouts)
-        });
-        let device = device.map_err(|failure| link_raised(&failure))?;
+        let device = py
+            .detach(|| {
+                let address = match address {
+                    Some(address) => address,
+                    None => discovery::only()?.0,
+                };
+                Linked::connect(&address, timeouts)
+            })
+            .map_err(|failure| link_raised(&failure))?;
         Ok(Self {
             link: device.address().to_string(),
             info: device.info().clone(),
@@ -291,20 +293,22 @@ impl Device {
             let (mut asked, mut ends) = (Instant::now(), false);
             while !ends {
                 let arrival = stream.wait().map_err(broken)?;
-                let rows = arrival.samples.iter().zip(arrival.whole);
-                let rows = rows.flat_map(|(sample, is_whole)| {
-                    // The encoder's step is right in a torn sample, too.
-                    let known = |value| if is_whole { value } else { f64::NAN };
-                    let [x, y, z] = calibration.acceleration(sample).map(known);
-                    let path_mm = f64::from(sample.encoder_delta) * calibration.mm_per_count;
-                    [x, y, z, path_mm, known(calibration.force(sample))]
-                });
+                let rows = arrival
+                    .samples
+                    .iter()
+                    .zip(arrival.whole)
+                    .flat_map(|(sample, is_whole)| {
+                        // The encoder's step is right in a torn sample, too.
+                        let known = |value| if is_whole { value } else { f64::NAN };
+                        let [x, y, z] = calibration.acceleration(sample).map(known);
+                        let path_mm = f64::from(sample.encoder_delta) * calibration.mm_per_count;
+                        [x, y, z, path_mm, known(calibration.force(sample))]
+                    });
                 ends = Python::attach(|py| {
                     // While the interpreter's lock is released, Ctrl-C is only noted; here it is raised.
                     py.check_signals()?;
                     let block = table(py, rows.collect(), arrival.samples.len())?;
-                    let answer = heard.bind(py).call1((arrival.first_tick, block))?;
-                    answer.is_truthy()
+                    heard.bind(py).call1((arrival.first_tick, block))?.is_truthy()
                 })?;
                 if asked.elapsed() >= STATUS_INTERVAL {
                     asked = Instant::now();
@@ -339,11 +343,14 @@ impl Device {
     /// unless `accept` is True.
     #[pyo3(signature = (values, *, accept = false))]
     fn change_settings(&self, py: Python<'_>, values: HashMap<String, f32>, accept: bool) -> PyResult<()> {
-        let changes = values.iter().map(|(name, &value)| {
-            let setting = described::named(name)?;
-            Ok(SettingChange { setting, value })
-        });
-        let changes: Vec<SettingChange> = changes.collect::<Result<_>>().map_err(raised)?;
+        let changes: Vec<SettingChange> = values
+            .iter()
+            .map(|(name, &value)| {
+                let setting = described::named(name)?;
+                Ok(SettingChange { setting, value })
+            })
+            .collect::<Result<_>>()
+            .map_err(raised)?;
         let change = SettingsChange::of(&changes).map_err(|error| refused(error.to_string()))?;
         let told = self.ask(py, |device| {
             let (before, state) = (device.settings()?, device.status()?.settings);

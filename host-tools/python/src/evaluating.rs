@@ -68,8 +68,12 @@ impl Judged {
     /// The files behind it, which no `output` may be.
     fn inputs(&self, output: &Path) -> Vec<PathBuf> {
         let sets = [Some(&self.set), self.takes.as_ref()];
-        let files = sets.into_iter().flatten().flat_map(|set| &set.trials);
-        let files: Vec<PathBuf> = files.map(|trial| trial.file.clone()).collect();
+        let files: Vec<PathBuf> = sets
+            .into_iter()
+            .flatten()
+            .flat_map(|set| &set.trials)
+            .map(|trial| trial.file.clone())
+            .collect();
         let folders: BTreeSet<PathBuf> = files.iter().map(|file| folder_of(file).to_owned()).collect();
         let given = folders.into_iter().chain([self.path.clone()]).map(Input::from);
         let mut all = files_behind(&given.collect::<Vec<_>>(), output);
@@ -178,8 +182,8 @@ pub fn evaluate<'py>(
                 removed_nodes: None,
                 unused_takes: &unused,
             };
-            let begun = OutputFolder::begin(&folder, overwrite)?;
-            begun.fill(|folder| evaluation_page::write(&inputs, folder.path(), || steps.between()))?;
+            OutputFolder::begin(&folder, overwrite)?
+                .fill(|folder| evaluation_page::write(&inputs, folder.path(), || steps.between()))?;
         }
         Ok((found, unused))
     })?;
@@ -223,8 +227,9 @@ pub fn page<'py>(
         seed: seed.into(),
         ..evaluation::Options::default()
     };
-    let judged = recordings.map(|recordings| Judged::new(recordings, library, None, options));
-    let judged = judged.transpose()?;
+    let judged = recordings
+        .map(|recordings| Judged::new(recordings, library, None, options))
+        .transpose()?;
     let (bytes, path) = (library.bytes().clone(), library.named());
     let inputs = match &judged {
         Some(judged) => judged.inputs(&out),
@@ -232,18 +237,20 @@ pub fn page<'py>(
     };
     check_file(&out, overwrite, &inputs).map_err(raised)?;
     let total = judged.as_ref().map_or(0, |judged| judged.set.trials.len());
-    let written = work::run(py, total as u64, progress, move |steps| {
+    work::run(py, total as u64, progress, move |steps| {
         let evaluation = match &judged {
             Some(judged) => Some(judged.evaluated(steps)?.0),
             None => None,
         };
-        let both = judged.as_ref().zip(evaluation.as_ref());
-        let recordings = both.map(|(judged, evaluation)| rub_page::Recordings {
-            set: &judged.set,
-            evaluation,
-            conditioning,
-            clips,
-        });
+        let recordings = judged
+            .as_ref()
+            .zip(evaluation.as_ref())
+            .map(|(judged, evaluation)| rub_page::Recordings {
+                set: &judged.set,
+                evaluation,
+                conditioning,
+                clips,
+            });
         let inputs = rub_page::Inputs {
             library: &decode_library(&path, &bytes)?,
             bytes: &bytes,
@@ -252,8 +259,9 @@ pub fn page<'py>(
             plant: None,
         };
         rub_page::write(&inputs, &out, || steps.between())
-    })?;
-    written.digests.into_py_dict(py)
+    })?
+    .digests
+    .into_py_dict(py)
 }
 
 /// Writes a page for a blind listening test of recordings and what the stylus plays, as `stylus compare` does, and
@@ -316,13 +324,16 @@ pub fn compare<'py>(
     });
     // It tells no progress, but runs in a thread of its own, so that Ctrl-C ends it.
     let (trials, notes, unused) = work::run(py, 0, None, move |steps| {
-        let decoded = (before.as_ref()).map(|(bytes, path, _)| decode_library(path, bytes));
-        let decoded = decoded.transpose()?;
-        let before = decoded.as_ref().zip(before.as_ref());
-        let before = before.map(|(library, (.., record))| Compared {
-            library,
-            record: record.as_deref(),
-        });
+        let decoded = (before.as_ref())
+            .map(|(bytes, path, _)| decode_library(path, bytes))
+            .transpose()?;
+        let before = decoded
+            .as_ref()
+            .zip(before.as_ref())
+            .map(|(library, (.., record))| Compared {
+                library,
+                record: record.as_deref(),
+            });
         judged.compared(before, &options, |plan| {
             steps.between();
             listening_page::write(plan, &out).map(drop)
@@ -335,8 +346,10 @@ pub fn compare<'py>(
 
 /// The design of this name, with the pairs of these names, or its usual ones.
 fn asked(design: &str, pairs: &[String], has_before: bool) -> PyResult<(Design, Vec<Pair>)> {
-    let pairs = pairs.iter().map(|pair| choice::<Pair>("pairs", pair));
-    let pairs = pairs.collect::<PyResult<Vec<_>>>()?;
+    let pairs = pairs
+        .iter()
+        .map(|pair| choice::<Pair>("pairs", pair))
+        .collect::<PyResult<Vec<_>>>()?;
     let design = choice::<Design>("design", design)?;
     if design == Design::Staircase && (has_before || !pairs.is_empty()) {
         return Err(refused(

@@ -173,8 +173,10 @@ pub fn fit_strokes<'py>(
             Ok((path.clone(), stroke))
         };
         let strokes = files.iter().map(read).collect::<Result<Vec<_>>>()?;
-        let notes = strokes.iter().flat_map(|(path, stroke)| stroke.notes(path));
-        let notes = notes.collect::<Vec<_>>();
+        let notes = strokes
+            .iter()
+            .flat_map(|(path, stroke)| stroke.notes(path))
+            .collect::<Vec<_>>();
         let found = fitted::fit_strokes(&name, &strokes, &options, |done| steps.add(done as u64))?;
         let bytes = found.library()?;
         let record = FitRecord::of_strokes(&files, scale_m_s2, &found, &options, &bytes)?;
@@ -194,8 +196,11 @@ fn fit_of(
         warn(py, warning)?;
     }
     let library = Library::of(bytes.into(), None, Some(Arc::new(record)));
-    let trials = found.trials.into_iter().map(|trial| account(py, trial));
-    let trials = trials.collect::<PyResult<Vec<_>>>()?;
+    let trials = found
+        .trials
+        .into_iter()
+        .map(|trial| account(py, trial))
+        .collect::<PyResult<Vec<_>>>()?;
     made(py, "Fit", (library, trials, warnings))
 }
 

@@ -67,13 +67,16 @@ impl Library {
 
     /// A few words about it.
     pub fn text(&self) -> String {
-        let names = self.decoded().map(|library| {
-            let names = library
-                .textures()
-                .map(|texture| visible_line(texture.name()).into_owned());
-            names.collect::<Vec<_>>().join(", ")
-        });
-        let names = names.unwrap_or_default();
+        let names = self
+            .decoded()
+            .map(|library| {
+                library
+                    .textures()
+                    .map(|texture| visible_line(texture.name()).into_owned())
+                    .collect::<Vec<_>>()
+                    .join(", ")
+            })
+            .unwrap_or_default();
         format!("Library({names}; {} bytes)", self.bytes.len())
     }
 
@@ -101,8 +104,11 @@ impl Library {
     #[pyo3(signature = (data, record = None))]
     fn new(data: &[u8], record: Option<&str>) -> PyResult<Self> {
         let name = Path::new("record");
-        let record = record.map(|text| FitRecord::from_text(name, text.as_bytes()));
-        let record = record.transpose().map_err(raised)?.map(Arc::new);
+        let record = record
+            .map(|text| FitRecord::from_text(name, text.as_bytes()))
+            .transpose()
+            .map_err(raised)?
+            .map(Arc::new);
         if (record.as_ref()).is_some_and(|record| !record.is_of(data)) {
             return Err(refused("the record is of another library: leave it out"));
         }
@@ -142,17 +148,18 @@ impl Library {
     /// The textures, in their order.
     #[getter]
     fn textures<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyAny>>> {
-        let library = self.decoded().map_err(raised)?;
-        let textures = library.textures();
-        textures.map(|texture| described(py, &texture)).collect()
+        self.decoded()
+            .map_err(raised)?
+            .textures()
+            .map(|texture| described(py, &texture))
+            .collect()
     }
 
     /// The scenes, in their order.
     #[getter]
     fn scenes(&self) -> PyResult<Vec<Scene>> {
         let library = self.decoded().map_err(raised)?;
-        let names = library.scenes().map(|scene| scene.name.as_str().to_owned());
-        let names: Vec<String> = names.collect();
+        let names: Vec<String> = library.scenes().map(|scene| scene.name.as_str().to_owned()).collect();
         names.iter().map(|name| self.scene(Some(name.as_str()))).collect()
     }
 
@@ -195,13 +202,16 @@ impl Library {
 
     /// Names of the textures, in their order.
     fn keys(&self) -> PyResult<Vec<String>> {
-        let library = self.decoded().map_err(raised)?;
-        Ok(library.textures().map(|t| t.name().to_owned()).collect())
+        Ok(self
+            .decoded()
+            .map_err(raised)?
+            .textures()
+            .map(|t| t.name().to_owned())
+            .collect())
     }
 
     fn __iter__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let keys = self.keys()?.into_pyobject(py)?;
-        Ok(keys.try_iter()?.into_any())
+        Ok(self.keys()?.into_pyobject(py)?.try_iter()?.into_any())
     }
 
     fn __len__(&self) -> PyResult<usize> {

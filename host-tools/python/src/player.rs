@@ -180,8 +180,9 @@ impl Player {
         };
         let missing = || refused("name a texture or a scene, or stop the player");
         let (selection, rate_hz) = found(library.get(), texture, scene)?.ok_or_else(missing)?;
-        let chosen = self.mover.choose(&decoded, selection, Without::default(), seed);
-        chosen.map_err(fault)?;
+        self.mover
+            .choose(&decoded, selection, Without::default(), seed)
+            .map_err(fault)?;
         // Only after success: a refused choice leaves the library of what plays.
         *locked(&self.chosen) = (library, decoded, rate_hz);
         Ok(())

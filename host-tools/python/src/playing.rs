@@ -54,8 +54,7 @@ pub fn inspect<'py>(py: Python<'py>, library: LibraryLike<'py>) -> PyResult<Boun
     let library = library.library(py)?;
     let library = library.get().decoded().map_err(raised)?;
     let textures = library.textures();
-    let scenes = library.scenes();
-    let scenes = scenes.map(|scene| SceneSummary::of(&scene, &library));
+    let scenes = library.scenes().map(|scene| SceneSummary::of(&scene, &library));
     let content = Content {
         textures: textures.map(|t| TextureSummary::of(&t, true)).collect(),
         scenes: scenes.collect::<Result<_>>().map_err(raised)?,

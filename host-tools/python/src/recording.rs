@@ -424,11 +424,12 @@ pub fn simulate_rig(
         },
     };
     let rig = rig.map_err(raised)?;
-    let set = py.detach(|| {
+    py.detach(|| {
         simulate_to_folder(&rig, seed, &out, overwrite)?;
         RecordingSet::open(&[out])
-    });
-    set.map(Recordings).map_err(raised)
+    })
+    .map(Recordings)
+    .map_err(raised)
 }
 
 fn rig_file(path: &Path) -> Result<RigFile> {

@@ -33,12 +33,14 @@ pub fn write_words(
         full_scale_m_s2,
     });
     let words = crate::convert::words("words", words)?;
-    let written = py.detach(|| {
-        check_file(&path, overwrite, &[])?;
-        let samples = words.into_iter().map(OutputSample);
-        write_wav(&path, sample_rate_hz, format, samples)
-    });
-    Ok(written.map_err(raised)?.clipped)
+    Ok(py
+        .detach(|| {
+            check_file(&path, overwrite, &[])?;
+            let samples = words.into_iter().map(OutputSample);
+            write_wav(&path, sample_rate_hz, format, samples)
+        })
+        .map_err(raised)?
+        .clipped)
 }
 
 /// The source of a rendering.

@@ -106,8 +106,7 @@ impl Example<'_> {
 
     /// Returns, in words, the trial's own C, as in the map. The picture has only the C of the drawn block.
     fn cost(&self) -> String {
-        let own = self.judged.scores.cost;
-        own.map_or_else(String::new, |cost| {
+        self.judged.scores.cost.map_or_else(String::new, |cost| {
             format!(
                 " C is the paper's mismatch of spectra, in the title of the block drawn; over all that judges this \
                  trial it is {:.1} %, which the map has.",
@@ -136,10 +135,11 @@ impl Example<'_> {
 impl<'a> Report<'a> {
     fn new(inputs: &'a Inputs<'a>, folder: &'a Path) -> Self {
         let evaluation = inputs.evaluation;
-        let trials = evaluation.trials.iter();
-        let costs = trials.filter_map(|trial| trial.scores.cost);
-        let textures = evaluation.textures.iter();
-        let nodes = textures.flat_map(|texture| node_excerpts(evaluation, &texture.texture));
+        let costs = evaluation.trials.iter().filter_map(|trial| trial.scores.cost);
+        let nodes = evaluation
+            .textures
+            .iter()
+            .flat_map(|texture| node_excerpts(evaluation, &texture.texture));
         // Each sample has two bytes.
         let of_node = |clips: &Excerpt| 2 * (clips.recorded.len() + clips.synthesised.len());
         Self {
@@ -288,12 +288,15 @@ impl<'a> Report<'a> {
         let judged: Vec<&[f64]> = comparison.judged.iter().map(Vec::as_slice).collect();
         let segment = longest_segment(RATE_HZ).min(comparison.longest_block().len());
         let [recorded, synthesised] = [&judged[..], &[comparison.synthesised.as_slice()]].map(|blocks| {
-            let spectrum = PowerSpectrum::of_blocks(blocks, segment, RATE_HZ);
-            let levels = spectrum.densities().map(|(hz, density)| (hz, 10.0 * density.log10()));
-            levels.collect::<Vec<_>>()
+            PowerSpectrum::of_blocks(blocks, segment, RATE_HZ)
+                .densities()
+                .map(|(hz, density)| (hz, 10.0 * density.log10()))
+                .collect::<Vec<_>>()
         });
-        let rows = recorded.iter().zip(&synthesised);
-        let rows = rows.map(|(&(hz, recorded), (_, synthesised))| format!("{hz},{recorded:.2},{synthesised:.2}\n"));
+        let rows = recorded
+            .iter()
+            .zip(&synthesised)
+            .map(|(&(hz, recorded), (_, synthesised))| format!("{hz},{recorded:.2},{synthesised:.2}\n"));
         let mark = if self.inputs.evaluation.simulated {
             "# SIMULATED\n"
         } else {
@@ -305,12 +308,15 @@ impl<'a> Report<'a> {
         );
         atomic_file::write(&self.folder.join(format!("{stem}-psd.csv")), csv.as_bytes())?;
         let shown = |levels: &[(f64, f64)]| -> Vec<(f64, f64)> {
-            let seen = levels.iter().copied();
-            seen.filter(|point| (16.0..=HIGHEST_HZ).contains(&point.0)).collect()
+            levels
+                .iter()
+                .copied()
+                .filter(|point| (16.0..=HIGHEST_HZ).contains(&point.0))
+                .collect()
         };
         let points = [shown(&recorded), shown(&synthesised)];
-        let curves = [("recorded", &points[0]), ("synthesised", &points[1])];
-        let curves = curves.map(|(name, points)| Curve { name, points });
+        let curves =
+            [("recorded", &points[0]), ("synthesised", &points[1])].map(|(name, points)| Curve { name, points });
         let picture = densities(&self.caption(&example.title), &curves)?;
         picture.write(&self.folder.join(format!("{stem}-psd.svg")))?;
         self.page.folded("Mean power spectral density", |page| {
@@ -326,8 +332,11 @@ impl<'a> Report<'a> {
         let signals: Vec<(&str, &[f64])> = signals.iter().map(|(n, s)| (n.as_str(), *s)).collect();
         let picture = waveforms(&self.caption(&example.title), &signals, RATE_HZ)?;
         picture.write(&self.folder.join(format!("{stem}-waveforms.svg")))?;
-        let liveliness = example.judged.liveliness.as_ref();
-        let summaries = liveliness.map(|own| summaries(std::iter::once(own)));
+        let summaries = example
+            .judged
+            .liveliness
+            .as_ref()
+            .map(|own| summaries(std::iter::once(own)));
         let words = "Waveforms, and what the spectrum does not show";
         self.page.folded(words, |page| {
             let caption = "Waveforms and envelopes, 0.1 s and 2 s from the middle of each. The recording is drawn \
@@ -366,19 +375,28 @@ impl<'a> Report<'a> {
 
     /// Returns the index of the non-silent trial of a texture that is nearest to [`EXAMPLE`].
     fn example_index(&self, texture: &str) -> Option<usize> {
-        let trials = self.inputs.evaluation.trials.iter().enumerate();
-        let heard = trials.filter(|(_, trial)| trial.texture == texture && !trial.is_silent);
+        let heard = self
+            .inputs
+            .evaluation
+            .trials
+            .iter()
+            .enumerate()
+            .filter(|(_, trial)| trial.texture == texture && !trial.is_silent);
         let far = |trial: &TrialEvaluation| distance(trial.speed_mm_s, trial.force_n);
-        let nearest = heard.min_by(|(_, a), (_, b)| far(a).total_cmp(&far(b)));
-        nearest.map(|(index, _)| index)
+        heard
+            .min_by(|(_, a), (_, b)| far(a).total_cmp(&far(b)))
+            .map(|(index, _)| index)
     }
 
     /// Returns an example's signals as sounds; none if they would exceed [`SOUNDS_BYTES`].
     fn sounds(&mut self, example: &Example<'_>) -> Result<Vec<Sound>> {
         let heard = example.signals();
         // All sounds have one scale, so that differences in level are heard.
-        let values = heard.iter().flat_map(|(_, signal)| signal.iter());
-        let full_scale = values.map(|value| value.abs()).fold(0.0, f64::max);
+        let full_scale = heard
+            .iter()
+            .flat_map(|(_, signal)| signal.iter())
+            .map(|value| value.abs())
+            .fold(0.0, f64::max);
         let simulated = self.inputs.evaluation.simulated;
         let origin = if simulated { " (SIMULATED)" } else { "" };
         let mut sounds: Vec<Sound> = Vec::new();
@@ -406,12 +424,10 @@ impl<'a> Report<'a> {
     /// Adds the excerpts of the nodes of `texture`, on one scale, for the maps to play.
     fn nodes(&mut self, texture: &str) {
         let own = node_excerpts(self.inputs.evaluation, texture);
-        let values = own.iter();
-        let values = values.flat_map(|(_, e)| e.recorded.iter().chain(&e.synthesised));
+        let values = own.iter().flat_map(|(_, e)| e.recorded.iter().chain(&e.synthesised));
         let full_scale = values.fold(0.0, |most: f64, value| most.max(f64::from(value.abs())));
         for (place, excerpt) in own {
-            let clips = [&excerpt.recorded, &excerpt.synthesised];
-            let clips = clips.map(|signal| clip(signal, full_scale));
+            let clips = [&excerpt.recorded, &excerpt.synthesised].map(|signal| clip(signal, full_scale));
             let [recorded, synthesised] = &clips;
             self.page.node(texture, place, SAMPLE_RATE_HZ, [recorded, synthesised]);
         }

@@ -82,9 +82,11 @@ fn time_picture(frontier: &Frontier) -> Result<(Svg, String)> {
         points: on_front.collect(),
         dashed: false,
     };
-    let choices = frontier.choices().into_iter();
-    let choices = choices.map(|(name, choice)| (name, choice.cycles, choice.total_error_db));
-    let choices: Vec<(&str, f64, f64)> = choices.collect();
+    let choices: Vec<(&str, f64, f64)> = frontier
+        .choices()
+        .into_iter()
+        .map(|(name, choice)| (name, choice.cycles, choice.total_error_db))
+        .collect();
     let title = "Error in third-octave bands, at rest and in motion, against time";
     let caption = Caption::new(title, frontier.simulated);
     let picture = front_chart(&caption, (CYCLES, ERROR), true, (&total, &[front]), &choices)?;
@@ -100,14 +102,14 @@ fn time_picture(frontier: &Frontier) -> Result<(Svg, String)> {
 /// Draws the error in motion against the interval of updates. Returns the picture and its caption.
 fn interval_picture(frontier: &Frontier) -> Result<(Svg, String)> {
     let intervals = series(|structure| {
-        let own = points_of(frontier, structure);
-        let own = own.filter(|point| frontier.filters[point.filter].order == Order::Auto);
-        let own = own.map(|point| FrontPoint {
-            x: point.interval_ms(),
-            y: point.motion_error_db,
-            name: String::new(),
-        });
-        own.collect()
+        points_of(frontier, structure)
+            .filter(|point| frontier.filters[point.filter].order == Order::Auto)
+            .map(|point| FrontPoint {
+                x: point.interval_ms(),
+                y: point.motion_error_db,
+                name: String::new(),
+            })
+            .collect()
     });
     let ms = Quantity::new("from update to update", "ms");
     let title = "Error in motion by the interval of updates, order per node as fit chooses";
@@ -119,13 +121,15 @@ fn interval_picture(frontier: &Frontier) -> Result<(Svg, String)> {
 }
 
 fn points_of(frontier: &Frontier, structure: Structure) -> impl Iterator<Item = &Point> {
-    let points = frontier.points.iter();
-    points.filter(move |point| frontier.filters[point.filter].structure == structure)
+    frontier
+        .points
+        .iter()
+        .filter(move |point| frontier.filters[point.filter].structure == structure)
 }
 
 fn series(points: impl Fn(Structure) -> Vec<FrontPoint>) -> Vec<FrontSeries> {
-    let structures = Structure::ALL.into_iter();
-    structures
+    Structure::ALL
+        .into_iter()
         .map(|structure| FrontSeries {
             name: structure.to_string(),
             points: points(structure),

@@ -132,13 +132,14 @@ impl Page {
                 ""
             }
         };
-        let classes = (0..table.headings.len()).map(class);
-        let classes: Vec<&str> = classes.collect();
+        let classes: Vec<&str> = (0..table.headings.len()).map(class).collect();
         let cell = |tag: &str, end: &str, column: usize, text: &str| {
             format!("<{tag}{}>{}</{end}>", classes[column], escaped(text))
         };
-        let headings = table.headings.iter().enumerate();
-        let headings: String = headings
+        let headings: String = table
+            .headings
+            .iter()
+            .enumerate()
             .map(|(column, heading)| cell("th scope=\"col\"", "th", column, heading))
             .collect();
         self.push(&format!("<thead><tr>{headings}</tr></thead>\n<tbody>"));
@@ -274,8 +275,10 @@ fn players(sounds: &[Sound]) -> String {
 
 /// ASCII letters, in lower case, and digits of `text`, with one hyphen for all characters between them.
 fn slug(text: &str) -> String {
-    let words = text.split(|c: char| !c.is_ascii_alphanumeric());
-    let words: Vec<&str> = words.filter(|word| !word.is_empty()).collect();
+    let words: Vec<&str> = text
+        .split(|c: char| !c.is_ascii_alphanumeric())
+        .filter(|word| !word.is_empty())
+        .collect();
     words.join("-").to_lowercase()
 }
 
@@ -341,9 +344,8 @@ mod tests {
     #[test]
     fn every_tag_that_opens_is_closed() {
         // The content of a script is not markup.
-        let page = page_of("text");
-        let pieces = page.split("<script>");
-        let page: String = pieces
+        let page: String = page_of("text")
+            .split("<script>")
             .map(|piece| match piece.split_once("</script>") {
                 Some((_, rest)) => format!("<script></script>{rest}"),
                 None => piece.to_owned(),
@@ -381,8 +383,10 @@ mod tests {
         }
         let page = page.finish();
         let after = |mark: &str| -> Vec<String> {
-            let found = page.split(mark).skip(1);
-            found.map(|rest| rest.split('"').next().unwrap().to_owned()).collect()
+            page.split(mark)
+                .skip(1)
+                .map(|rest| rest.split('"').next().unwrap().to_owned())
+                .collect()
         };
         let (links, anchors) = (after("href=\"#"), after("<h2 id=\""));
         assert_eq!(links.len(), 5);

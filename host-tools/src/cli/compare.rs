@@ -3,9 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use host_tools::evaluation::evaluate;
-use host_tools::evaluation::listening;
 use host_tools::evaluation::listening::{
-    Answers, CONFIDENCE, Compared, Design, Kind, Pair, Part, Plan, Score, once, plan, score,
+    self, Answers, CONFIDENCE, Compared, Design, Kind, Pair, Part, Plan, Score, once, plan, score,
 };
 use host_tools::fit::conditioning::Conditioning;
 use host_tools::fit::record::FitRecord;
@@ -115,8 +114,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         seed: arguments.seed,
     };
     let of = |library, record| Compared { library, record };
-    let before = before.as_ref();
-    let before = before.map(|(library, record)| of(library, record.as_ref()));
+    let before = before.as_ref().map(|(library, record)| of(library, record.as_ref()));
     let fitted = of(&library, record.as_ref());
     let plan = plan(&set, &chosen.judges, fitted, before, &evaluate, &options)?;
     for text in plan.notes(arguments.segment, arguments.takes.is_some()) {

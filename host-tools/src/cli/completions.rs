@@ -46,8 +46,9 @@ fn page(names: &[String], command: &mut Command) -> Result<Vec<u8>> {
         })?;
     }
     let mut page = Vec::new();
-    let written = Man::new(found.clone()).render(&mut page);
-    written.map_err(Error::io("write to", Path::new("standard output")))?;
+    Man::new(found.clone())
+        .render(&mut page)
+        .map_err(Error::io("write to", Path::new("standard output")))?;
     Ok(page)
 }
 

@@ -166,8 +166,8 @@ fn parts_in_words(library: &Library<'_>) -> String {
         let parts = played::in_words(&played::parts(&texture));
         by_parts.entry(parts).or_default().push(texture.name());
     }
-    let plays = by_parts.iter();
-    let plays: Vec<String> = plays
+    let plays: Vec<String> = by_parts
+        .iter()
         .map(|(parts, names)| format!("{}: {parts}", names.join(", ")))
         .collect();
     plays.join("; ")

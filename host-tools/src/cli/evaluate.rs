@@ -3,11 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use host_tools::dsp::spectrum::DEFAULT_SMOOTHING_WIDTH_HZ;
-use host_tools::evaluation::evaluate;
-use host_tools::evaluation::evaluate::Evaluation;
+use host_tools::evaluation::evaluate::{self, Evaluation};
 use host_tools::evaluation::held_out::{Chosen, Judge, chosen};
-use host_tools::evaluation::leave_one_out;
-use host_tools::evaluation::leave_one_out::{LeaveOneOut, Prepared};
+use host_tools::evaluation::leave_one_out::{self, LeaveOneOut, Prepared};
 use host_tools::evaluation::played::Played;
 use host_tools::evaluation::strokes::{Stroke, along_strokes};
 use host_tools::evaluation::summary::{LIVELINESS_EXPLANATION, explanation};
@@ -17,8 +15,7 @@ use host_tools::fit::conditioning::Conditioning;
 use host_tools::fit::record::FitRecord;
 use host_tools::recording::RecordingSet;
 use host_tools::recording::freehand::{self, Freehand};
-use host_tools::report::evaluation_page;
-use host_tools::report::evaluation_page::Inputs;
+use host_tools::report::evaluation_page::{self, Inputs};
 use host_tools::report::sound::node_seconds;
 use host_tools::support::error::{Error, Result};
 use host_tools::support::number::counted;
@@ -166,9 +163,11 @@ fn evaluate_along_strokes(arguments: &Arguments, path: &Path) -> Result<()> {
         }
     }
     let strokes = |paths: &[PathBuf], recordings: Vec<Freehand>| {
-        let pairs = paths.iter().zip(recordings);
-        let stroke = pairs.map(|(path, own)| Stroke::of(path, own, arguments.conditioning));
-        stroke.collect::<Result<Vec<_>>>()
+        paths
+            .iter()
+            .zip(recordings)
+            .map(|(path, own)| Stroke::of(path, own, arguments.conditioning))
+            .collect::<Result<Vec<_>>>()
     };
     let found = along_strokes(
         texture,
@@ -336,8 +335,7 @@ pub fn choose(
 
 /// Returns a verdict per texture, and one table with an explanation of its columns.
 pub fn answer(evaluation: &Evaluation) -> String {
-    let verdicts = evaluation.verdicts();
-    let verdicts: Vec<String> = verdicts.map(|v| wrapped(&v, LINE_CHARS, "  ")).collect();
+    let verdicts: Vec<String> = evaluation.verdicts().map(|v| wrapped(&v, LINE_CHARS, "  ")).collect();
     format!(
         "{}\n\n{}\n{}",
         verdicts.join("\n"),

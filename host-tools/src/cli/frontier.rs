@@ -3,8 +3,7 @@
 use std::path::PathBuf;
 
 use host_tools::dsp::spectrum::DEFAULT_SMOOTHING_WIDTH_HZ;
-use host_tools::evaluation::frontier;
-use host_tools::evaluation::frontier::{Frontier, Material, Options, Prepared};
+use host_tools::evaluation::frontier::{self, Frontier, Material, Options, Prepared};
 use host_tools::fit::conditioning::Conditioning;
 use host_tools::recording::RecordingSet;
 use host_tools::report::frontier_page;

@@ -32,8 +32,10 @@ fn with_groups(command: Command) -> Command {
     for (group, names) in GROUPS {
         text += &format!("\n{heading}{group}:{heading:#}\n");
         for name in names.split(' ') {
-            let about = command.find_subcommand(name).and_then(Command::get_about);
-            let about = about.map_or_else(|| "Print the help of a command".to_owned(), StyledStr::to_string);
+            let about = command
+                .find_subcommand(name)
+                .and_then(Command::get_about)
+                .map_or_else(|| "Print the help of a command".to_owned(), StyledStr::to_string);
             text += &format!("  {name_style}{name:<12}{name_style:#}  {about}\n");
         }
     }
@@ -131,23 +133,26 @@ mod tests {
     fn command_at(path: &str) -> Command {
         let mut all = Arguments::command();
         all.build();
-        let names = path.split(' ').skip(1);
-        let found = names.fold(&mut all, |outer, name| {
-            outer.find_subcommand_mut(name).expect("it is a leaf")
-        });
-        found.clone()
+        path.split(' ')
+            .skip(1)
+            .fold(&mut all, |outer, name| {
+                outer.find_subcommand_mut(name).expect("it is a leaf")
+            })
+            .clone()
     }
 
     /// Returns the options that a line of usage shows as required, outside of brackets and choices.
     fn required(usage: &str) -> Vec<&str> {
         let mut depth = 0;
-        let words = usage.split_whitespace().filter(|word| {
-            let begins_outside = depth == 0;
-            let count = |signs: [char; 2]| word.matches(signs).count() as i32;
-            depth += count(['[', '<']) - count([']', '>']);
-            begins_outside && word.starts_with("--")
-        });
-        words.collect()
+        usage
+            .split_whitespace()
+            .filter(|word| {
+                let begins_outside = depth == 0;
+                let count = |signs: [char; 2]| word.matches(signs).count() as i32;
+                depth += count(['[', '<']) - count([']', '>']);
+                begins_outside && word.starts_with("--")
+            })
+            .collect()
     }
 
     #[test]

@@ -39,8 +39,11 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let plan = plan(&sources, &arguments.options)?;
     let of_file = |kind, path: &Path, text: &str| Warning::of(kind, ("file", &path.display().to_string()), 0.0, text);
     let read = sources.iter().flat_map(|source| {
-        let warnings = source.toolkit.warnings.iter();
-        warnings.map(|text| of_file("model", &source.path, text))
+        source
+            .toolkit
+            .warnings
+            .iter()
+            .map(|text| of_file("model", &source.path, text))
     });
     warn_of(&read.collect::<Vec<_>>());
     let bar = progress::bar(sources.len() as u64, "converting");

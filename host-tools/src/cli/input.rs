@@ -48,8 +48,11 @@ impl Recordings {
 
 /// Prints a note on speeds or forces that `set` has only because neither a list nor an option specifies them.
 pub fn tell_nominal_motion(set: &RecordingSet, assumed: &Assumed) {
-    let motion = assumed.nominal_motion().filter(|_| !set.is_listed);
-    motion.iter().for_each(|text| note(text));
+    assumed
+        .nominal_motion()
+        .filter(|_| !set.is_listed)
+        .iter()
+        .for_each(|text| note(text));
 }
 
 /// Parses the name of a texture for a list of trials.
@@ -151,8 +154,9 @@ pub struct ConstantMotion {
 impl ConstantMotion {
     /// Returns the speed, mm/s, and the force, N, if they were given.
     fn given(&self) -> Option<(f32, f32)> {
-        let given = self.speed.zip(self.force);
-        given.map(|(speed, force)| (speed as f32, force as f32))
+        self.speed
+            .zip(self.force)
+            .map(|(speed, force)| (speed as f32, force as f32))
     }
 
     /// Returns the motion in the file `motion`; else the constant motion that was given; else one with the speed and

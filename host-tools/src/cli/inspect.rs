@@ -75,8 +75,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 fn line_table(textures: &[TextureSummary]) -> Option<String> {
     let of_texture = |texture: &TextureSummary| -> Vec<_> {
         let wander = |line: &LineSummary, of: fn(Wander) -> f32| {
-            let of = line.wander.map(|wander| figure(of(wander)));
-            of.unwrap_or_else(|| "none".to_owned())
+            line.wander
+                .map_or_else(|| "none".to_owned(), |wander| figure(of(wander)))
         };
         let row = |line: &LineSummary| {
             let [low, high] = line.amplitude_m_s2;
@@ -165,8 +165,7 @@ fn joined(values: &[String]) -> String {
 /// Returns a table with one row per texture: the laws of the level, and the bytes that the texture takes.
 fn storage_table(textures: &[TextureSummary]) -> String {
     let (header, rows) = headed(textures.iter().map(|texture| {
-        let parts = texture.parts.iter();
-        let parts = parts.map(|part| format!("{} {}", part.part, part.bytes));
+        let parts = texture.parts.iter().map(|part| format!("{} {}", part.part, part.bytes));
         let [least, most] = texture.tail_range_rad;
         let tail = (texture.tail_stages > 0).then(|| format!("{least:.3} to {most:.3}"));
         [

@@ -26,8 +26,7 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<()> {
     let (paths, out) = (&arguments.libraries, &arguments.out);
     arguments.overwrite.file(out)?;
-    let bytes = paths.iter().map(|path| read_library(path));
-    let bytes: Vec<Vec<u8>> = bytes.collect::<Result<_>>()?;
+    let bytes: Vec<Vec<u8>> = paths.iter().map(|path| read_library(path)).collect::<Result<_>>()?;
     let mut libraries = Vec::new();
     for (path, bytes) in paths.iter().zip(&bytes) {
         libraries.push((path.as_path(), decode_library(path, bytes)?));

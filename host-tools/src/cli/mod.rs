@@ -200,8 +200,9 @@ fn with_place_of_option(mut answer: clap::Error, command: &clap::Command) -> cla
     let Some(first) = commands.next().filter(|_| is_before_command) else {
         return answer;
     };
-    let given = words().find(|word| command.find_subcommand(word).is_some());
-    let given = given.unwrap_or_else(|| first.get_name().to_owned());
+    let given = words()
+        .find(|word| command.find_subcommand(word).is_some())
+        .unwrap_or_else(|| first.get_name().to_owned());
     let tip = format!("'{option}' belongs after the command: stylus {given} {option} ...");
     answer.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
     answer

@@ -184,8 +184,7 @@ mod tests {
     fn an_output_that_is_full_is_an_error_wherever_the_text_is_cut() {
         for room in 0..6 {
             let outcome = print_to(&mut Full(room), "table");
-            let message = outcome.unwrap_err().to_string();
-            holds(&message, &["standard output: cannot write"]);
+            holds(&outcome.unwrap_err().to_string(), &["standard output: cannot write"]);
         }
         assert!(print_to(&mut Full(6), "table").is_ok());
     }

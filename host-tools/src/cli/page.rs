@@ -7,8 +7,7 @@ use host_tools::fit;
 use host_tools::fit::conditioning::Conditioning;
 use host_tools::fit::record::FitRecord;
 use host_tools::recording::{Assumed, Kind, RecordingSet};
-use host_tools::report::rub_page;
-use host_tools::report::rub_page::{Clips, Inputs, Recordings, Written};
+use host_tools::report::rub_page::{self, Clips, Inputs, Recordings, Written};
 use host_tools::support::error::{Error, Result};
 use host_tools::support::progress;
 
@@ -66,8 +65,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     } else {
         arguments.recordings.as_slice()
     };
-    let set = (!recordings.is_empty()).then(|| RecordingSet::open_with(recordings, &arguments.assumed));
-    let set = set.transpose()?;
+    let set = (!recordings.is_empty())
+        .then(|| RecordingSet::open_with(recordings, &arguments.assumed))
+        .transpose()?;
     let (bytes, record) = match &set {
         Some(set) if is_recordings => fitted(set, arguments)?,
         None if is_strokes => fitted_to_strokes(arguments)?,
@@ -194,8 +194,12 @@ pub fn summary(path: &Path, written: &Written) -> String {
         1 => "1 clip of a recording".to_owned(),
         many => format!("{many} clips of recordings"),
     };
-    let shown = written.digests.iter().take(SHOWN_DIGESTS);
-    let shown: Vec<String> = shown.map(|(name, digest)| format!("{name} {digest}")).collect();
+    let shown: Vec<String> = written
+        .digests
+        .iter()
+        .take(SHOWN_DIGESTS)
+        .map(|(name, digest)| format!("{name} {digest}"))
+        .collect();
     let more = match written.digests.len() - shown.len() {
         0 => String::new(),
         more => format!(" and {more} more, which the page shows"),

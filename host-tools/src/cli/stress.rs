@@ -1,7 +1,6 @@
 //! `stylus stress`
 
-use host_tools::evaluation::stress;
-use host_tools::evaluation::stress::{Outcome, Rest, cases};
+use host_tools::evaluation::stress::{self, Outcome, Rest, cases};
 use host_tools::support::error::{Error, Result};
 use host_tools::support::number::counted;
 use host_tools::support::progress;
@@ -34,8 +33,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     } else {
         print(&summary(&outcomes))?;
     }
-    let broken = outcomes.iter().filter(|outcome| !outcome.broken().is_empty());
-    let broken = broken.count();
+    let broken = outcomes.iter().filter(|outcome| !outcome.broken().is_empty()).count();
     if broken > 0 {
         return Err(Error::Request(format!(
             "the lattice does not hold all of its guarantees in {}: see what it breaks below the table",
@@ -152,12 +150,10 @@ mod tests {
         // There is one table, with a line per outcome, and a paragraph per outcome.
         let in_words = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
         let lines: Vec<String> = said.lines().map(in_words).collect();
-        let tables = lines.iter().filter(|line| line.starts_with("---"));
-        assert_eq!(tables.count(), 1);
+        assert_eq!(lines.iter().filter(|line| line.starts_with("---")).count(), 1);
         for outcome in &outcomes {
             let row = format!("{} ", name(outcome));
-            let rows = lines.iter().filter(|line| line.starts_with(&row));
-            assert!(rows.count() >= 1, "{row}");
+            assert!(lines.iter().filter(|line| line.starts_with(&row)).count() >= 1, "{row}");
             let broken = outcome.broken().join("; ");
             let paragraph = format!("{}: {broken}", name(outcome));
             assert!(in_words(&said).contains(&paragraph), "{paragraph}");

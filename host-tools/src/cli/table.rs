@@ -114,9 +114,12 @@ impl Column {
 
     /// Returns the smallest width of the column, characters: that of its longest word, but at most [`WORD_CHARS`].
     fn least(&self) -> usize {
-        let words = self.texts().flat_map(|text| text.split(' '));
-        let widest = words.map(|word| word.chars().count()).max();
-        widest.unwrap_or(0).min(WORD_CHARS)
+        self.texts()
+            .flat_map(|text| text.split(' '))
+            .map(|word| word.chars().count())
+            .max()
+            .unwrap_or(0)
+            .min(WORD_CHARS)
     }
 
     /// Returns true if all cells count as empty, or if there are several rows and all have the same value.
@@ -154,9 +157,12 @@ fn width(columns: &[Column]) -> usize {
 fn narrow(columns: &mut [Column]) {
     let mut least: Vec<usize> = columns.iter().map(Column::least).collect();
     while width(columns) > LINE_CHARS {
-        let wider = columns.iter_mut().zip(&mut least);
-        let wider = wider.filter(|(column, least)| column.width > **least);
-        let Some((widest, _)) = wider.max_by_key(|(column, _)| column.width) else {
+        let Some((widest, _)) = columns
+            .iter_mut()
+            .zip(&mut least)
+            .filter(|(column, least)| column.width > **least)
+            .max_by_key(|(column, _)| column.width)
+        else {
             break;
         };
         // One character at a time, so that wide columns end about equally wide.
@@ -175,8 +181,10 @@ fn broken(text: &str, width: usize) -> Vec<String> {
     let lines = wrapped.lines().flat_map(|line| {
         let letters: Vec<char> = line.chars().collect();
         // A column of empty texts has width 0, and chunks of 0 panic.
-        let pieces = letters.chunks(width.max(1)).map(String::from_iter);
-        pieces.collect::<Vec<String>>()
+        letters
+            .chunks(width.max(1))
+            .map(String::from_iter)
+            .collect::<Vec<String>>()
     });
     lines.collect()
 }
@@ -188,8 +196,10 @@ fn lines_of(cells: &[Vec<String>], columns: &[Column], is_header: bool) -> Vec<S
         let mut text = String::new();
         for (lines, column) in cells.iter().zip(columns) {
             let above = if is_header { height - lines.len() } else { 0 };
-            let piece = index.checked_sub(above).and_then(|index| lines.get(index));
-            let piece = piece.map_or("", String::as_str);
+            let piece = index
+                .checked_sub(above)
+                .and_then(|index| lines.get(index))
+                .map_or("", String::as_str);
             let padding = column.width + GAP - piece.chars().count();
             text.push_str(piece);
             text.push_str(&" ".repeat(padding));
@@ -204,11 +214,13 @@ pub fn headed<const N: usize>(
     rows: impl IntoIterator<Item = [(&'static str, String); N]>,
 ) -> (Vec<&'static str>, Vec<Vec<String>>) {
     let mut header = Vec::new();
-    let rows = rows.into_iter().map(|row| {
-        header = row.iter().map(|(heading, _)| *heading).collect();
-        row.into_iter().map(|(_, cell)| cell).collect()
-    });
-    let rows = rows.collect();
+    let rows = rows
+        .into_iter()
+        .map(|row| {
+            header = row.iter().map(|(heading, _)| *heading).collect();
+            row.into_iter().map(|(_, cell)| cell).collect()
+        })
+        .collect();
     (header, rows)
 }
 
@@ -277,8 +289,7 @@ mod tests {
         let path = "folder/".repeat(30);
         let text = table(&["texture", "library"], &[row(&["paper", &path])]);
         assert!(widest(&text) <= LINE_CHARS, "{text}");
-        let whole = text.lines().skip(2).flat_map(str::split_whitespace);
-        let whole: String = whole.collect();
+        let whole: String = text.lines().skip(2).flat_map(str::split_whitespace).collect();
         assert_eq!(whole, format!("paper{path}"));
     }
 

@@ -83,9 +83,11 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     header.extend(of_all().map(|(name, _)| name));
     // A list that did not pass on the mark of simulated files would make every library and report of them look
     // recorded.
-    let paths = named.iter().map(|file| folder.join(&file.file));
-    let simulated = paths.map(|path| is_simulated(&path));
-    let simulated = simulated.collect::<Result<Vec<bool>>>()?;
+    let simulated = named
+        .iter()
+        .map(|file| folder.join(&file.file))
+        .map(|path| is_simulated(&path))
+        .collect::<Result<Vec<bool>>>()?;
     let has_simulated = simulated.contains(&true);
     header.extend(has_simulated.then_some("simulated"));
     let mut records = vec![header.into_iter().map(str::to_owned).collect::<Vec<_>>()];

@@ -79,11 +79,14 @@ pub fn write_together(files: &[(&Path, &[u8])]) -> Result<()> {
     for &(path, bytes) in files.iter().filter(is_held) {
         files::put(path, bytes);
     }
-    let written = files.iter().filter(|file| !is_held(file)).map(|(path, bytes)| {
-        let written = Unnamed::write(path, |file| file.write_all(bytes).map_err(Error::io("write", path)));
-        written.map(|(unnamed, ())| unnamed)
-    });
-    let written: Vec<Unnamed<'_>> = written.collect::<Result<_>>()?;
+    let written: Vec<Unnamed<'_>> = files
+        .iter()
+        .filter(|file| !is_held(file))
+        .map(|(path, bytes)| {
+            Unnamed::write(path, |file| file.write_all(bytes).map_err(Error::io("write", path)))
+                .map(|(unnamed, ())| unnamed)
+        })
+        .collect::<Result<_>>()?;
     written.into_iter().try_for_each(Unnamed::name)
 }
 
@@ -159,8 +162,9 @@ impl<'a> Unnamed<'a> {
         let is_empty = fs::metadata(&self.target).is_ok_and(|found| found.len() == 0);
         let is_new = take_new(&self.target) && !is_empty;
         let earlier = if is_new { Earlier::Nothing } else { Earlier::File };
-        let named = self.temporary.persist(&self.target, earlier);
-        named.map_err(|failure| appeared(self.path, failure))
+        self.temporary
+            .persist(&self.target, earlier)
+            .map_err(|failure| appeared(self.path, failure))
     }
 }
 
@@ -214,8 +218,9 @@ mod tests {
         fs::set_permissions(&written, fs::Permissions::from_mode(0o600)).unwrap();
         write_with(&written, |_| {
             let modes = fs::read_dir(folder.path()).unwrap();
-            let hidden = modes.map(|entry| entry.unwrap().path());
-            let mut hidden = hidden.filter(|path| *path != ordinary && *path != written);
+            let mut hidden = modes
+                .map(|entry| entry.unwrap().path())
+                .filter(|path| *path != ordinary && *path != written);
             assert_eq!(mode(&hidden.next().unwrap()), 0o600);
             Ok(())
         })

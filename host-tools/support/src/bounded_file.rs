@@ -79,9 +79,13 @@ pub fn absent(action: &'static str, path: &Path, source: io::Error) -> Error {
     };
     let wanted = path.file_name().and_then(OsStr::to_str);
     let there = || {
-        let names = files::entries(folder).into_iter().flatten().flatten();
-        let names = names.filter_map(|entry| entry.name.into_string().ok());
-        names.take(MOST_NAMES).collect::<Vec<_>>()
+        files::entries(folder)
+            .into_iter()
+            .flatten()
+            .flatten()
+            .filter_map(|entry| entry.name.into_string().ok())
+            .take(MOST_NAMES)
+            .collect::<Vec<_>>()
     };
     // Only the name of a file that is missing may be misspelt.
     let wanted = wanted.filter(|_| source.kind() == io::ErrorKind::NotFound);
@@ -159,8 +163,10 @@ mod tests {
 
     /// Makes the file one byte longer than [`SMALL`] may be.
     fn make_too_long(path: &Path) {
-        let file = std::fs::File::create(path).unwrap();
-        file.set_len(SMALL.limit().1 + 1).unwrap();
+        std::fs::File::create(path)
+            .unwrap()
+            .set_len(SMALL.limit().1 + 1)
+            .unwrap();
     }
 
     #[test]
@@ -169,8 +175,7 @@ mod tests {
         std::fs::write(file.path(), "four").unwrap();
         assert_eq!(SMALL.read_text(file.path()).unwrap(), "four");
         make_too_long(file.path());
-        let message = SMALL.read(file.path()).unwrap_err();
-        holds(&message, &["1048576 bytes", "a scene"]);
+        holds(&SMALL.read(file.path()).unwrap_err(), &["1048576 bytes", "a scene"]);
     }
 
     #[test]

@@ -276,8 +276,8 @@ const COMMENT_SIGNS: [char; 2] = ['#', '%'];
 
 /// Returns the text of a comment, which begins with one or more such characters; `None` if `line` is not a comment.
 pub fn comment(line: &str) -> Option<&str> {
-    let is_comment = line.starts_with(COMMENT_SIGNS);
-    is_comment.then(|| line.trim_start_matches(COMMENT_SIGNS))
+    line.starts_with(COMMENT_SIGNS)
+        .then(|| line.trim_start_matches(COMMENT_SIGNS))
 }
 
 /// Sign before a text that a spreadsheet would otherwise compute.
@@ -339,8 +339,7 @@ fn utf_16(path: &Path, format: Format) -> Result<Option<String>> {
     // Lines are sought as bytes, so this text is converted as a whole.
     let bytes = format.read(path)?;
     let units = bytes.chunks_exact(2).map(|pair| unit([pair[0], pair[1]]));
-    let characters = char::decode_utf16(units);
-    let characters = characters.map(|found| found.unwrap_or(char::REPLACEMENT_CHARACTER));
+    let characters = char::decode_utf16(units).map(|found| found.unwrap_or(char::REPLACEMENT_CHARACTER));
     Ok(Some(characters.collect()))
 }
 
@@ -475,10 +474,12 @@ fn shown(field: &str) -> Cow<'_, str> {
 /// letters and other signs between them are accepted, because people write tables by hand: `Speed (mm/s)` is
 /// `speed_mm_s`, and `Normal force (N)` is `force_n`.
 pub fn is_named(name: &str, known: &str) -> bool {
-    let lower = name.to_lowercase().replace('²', "2").replace('^', "");
-    let words = lower.split(|sign: char| !sign.is_alphanumeric());
-    let words = words.filter(|word| !["", "normal", "tangential"].contains(word));
-    words.eq(known.split('_'))
+    name.to_lowercase()
+        .replace('²', "2")
+        .replace('^', "")
+        .split(|sign: char| !sign.is_alphanumeric())
+        .filter(|word| !["", "normal", "tangential"].contains(word))
+        .eq(known.split('_'))
 }
 
 /// Names of a table's columns.
@@ -515,8 +516,7 @@ impl Header<'_> {
     }
 
     fn single(&self, name: &str, is_meant: impl Fn(&str) -> bool) -> Result<Option<usize>> {
-        let names = self.names.iter().enumerate();
-        let mut found = names.filter(|(_, column)| is_meant(column));
+        let mut found = self.names.iter().enumerate().filter(|(_, column)| is_meant(column));
         match (found.next().map(|(index, _)| index), found.next()) {
             (index, None) => Ok(index),
             (_, Some(_)) => Err(self.error(format!("more than one column '{name}'"))),
@@ -724,8 +724,10 @@ impl<'r> Row<'r, '_> {
     /// field.
     pub fn text(&self, index: usize) -> &'r str {
         let field = self.fields.get(index).unwrap_or_default();
-        let guarded = field.strip_prefix(GUARD).filter(|rest| is_formula(rest));
-        guarded.unwrap_or(field)
+        field
+            .strip_prefix(GUARD)
+            .filter(|rest| is_formula(rest))
+            .unwrap_or(field)
     }
 
     /// Parses a field as a number. It may be infinite or NaN if the text says so.
@@ -750,15 +752,17 @@ impl<'r> Row<'r, '_> {
     /// The field is not a finite number; the error states the line and column.
     pub fn finite(&self, index: usize, name: &str) -> Result<f64> {
         let field = self.text(index);
-        let value = self.table.number(field).filter(|value| value.is_finite());
-        value.ok_or_else(|| {
-            self.error(format!(
-                "{name} is '{}', which is not a finite number (column {}; {})",
-                shown(field),
-                index + 1,
-                self.table.remedy(field)
-            ))
-        })
+        self.table
+            .number(field)
+            .filter(|value| value.is_finite())
+            .ok_or_else(|| {
+                self.error(format!(
+                    "{name} is '{}', which is not a finite number (column {}; {})",
+                    shown(field),
+                    index + 1,
+                    self.table.remedy(field)
+                ))
+            })
     }
 
     /// Returns an error at the row's line.
@@ -834,8 +838,7 @@ mod tests {
         }
         for field in ["abc", "12-", "-2026-11", "1.2.3", "5:"] {
             let text = format!("t,x\n{field},1\n");
-            let refused = numbers(&table(&text)).unwrap_err();
-            holds(&refused, &["decimals by"]);
+            holds(&numbers(&table(&text)).unwrap_err(), &["decimals by"]);
         }
     }
 
@@ -857,9 +860,12 @@ mod tests {
     #[test]
     fn names_in_a_comment_right_above_numbers_are_the_header() {
         let names = |text: &str| {
-            let table = table(text);
-            let header = table.header().unwrap();
-            header.names().map(str::to_owned).collect::<Vec<_>>()
+            table(text)
+                .header()
+                .unwrap()
+                .names()
+                .map(str::to_owned)
+                .collect::<Vec<_>>()
         };
         for text in [
             "#time,x [g]\n0,1.5\n",

@@ -92,8 +92,9 @@ fn is_device(name: &str) -> bool {
     let before = name.split('.').next().unwrap_or(name).trim_end();
     let word = before.to_ascii_lowercase();
     let numbered = |word: &str| {
-        let number = word.strip_prefix("com").or(word.strip_prefix("lpt"));
-        number.is_some_and(|rest| rest.len() == 1 && rest.as_bytes()[0].is_ascii_digit())
+        word.strip_prefix("com")
+            .or(word.strip_prefix("lpt"))
+            .is_some_and(|rest| rest.len() == 1 && rest.as_bytes()[0].is_ascii_digit())
     };
     DEVICES.contains(&word.as_str()) || numbered(&word)
 }

@@ -47,8 +47,7 @@ pub fn mount(folder: &Path) {
 
 /// Returns whether the file at `path` is, or would be, one in memory.
 pub fn is_in_memory(path: &Path) -> bool {
-    let memory = MEMORY.read().unwrap_or_else(PoisonError::into_inner);
-    memory.is_place_of(path)
+    MEMORY.read().unwrap_or_else(PoisonError::into_inner).is_place_of(path)
 }
 
 /// Keeps a file in memory, in the place of an earlier one.
@@ -74,9 +73,14 @@ pub fn held(path: &Path) -> Option<Bytes> {
 /// Returns the files in memory at and below `path`, in the order of their names.
 pub fn below(path: &Path) -> Vec<(PathBuf, Bytes)> {
     let path = plain(path);
-    let memory = MEMORY.read().unwrap_or_else(PoisonError::into_inner);
-    let files = memory.files.iter().filter(|(file, _)| file.starts_with(&path));
-    files.map(|(file, bytes)| (file.clone(), bytes.clone())).collect()
+    MEMORY
+        .read()
+        .unwrap_or_else(PoisonError::into_inner)
+        .files
+        .iter()
+        .filter(|(file, _)| file.starts_with(&path))
+        .map(|(file, bytes)| (file.clone(), bytes.clone()))
+        .collect()
 }
 
 fn with<R>(change: impl FnOnce(&mut Memory) -> R) -> R {
@@ -211,8 +215,10 @@ pub fn entries(folder: &Path) -> io::Result<Box<dyn Iterator<Item = io::Result<E
     }
     let folder = plain(folder);
     let memory = MEMORY.read().unwrap_or_else(PoisonError::into_inner);
-    let below = memory.files.keys().filter_map(|file| file.strip_prefix(&folder).ok());
-    let names: BTreeMap<OsString, bool> = below
+    let names: BTreeMap<OsString, bool> = memory
+        .files
+        .keys()
+        .filter_map(|file| file.strip_prefix(&folder).ok())
         .filter_map(|file| {
             let mut parts = file.components();
             Some((parts.next()?.as_os_str().to_owned(), parts.next().is_some()))

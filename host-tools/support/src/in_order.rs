@@ -40,8 +40,10 @@ mod tests {
         let items: Vec<u64> = (0..200).collect();
         assert_eq!(in_order(&items, |n| Ok::<_, ()>(2 * n)).unwrap()[199], 398);
         // Two threads, so that one goes on while the first item waits in the other.
-        let threads = rayon::ThreadPoolBuilder::new().num_threads(2);
-        let threads = threads.build().expect("it can be made");
+        let threads = rayon::ThreadPoolBuilder::new()
+            .num_threads(2)
+            .build()
+            .expect("it can be made");
         for first in [3, 90, 199] {
             let (sender, later) = mpsc::channel();
             let later = Mutex::new(later);
@@ -55,8 +57,9 @@ mod tests {
                     } else if first < 199 {
                         // Minutes, which only a fault needs.
                         let later = later.lock().expect("nothing panics");
-                        let told = later.recv_timeout(Duration::from_mins(10));
-                        told.expect("a later item fails in the meantime");
+                        later
+                            .recv_timeout(Duration::from_mins(10))
+                            .expect("a later item fails in the meantime");
                     }
                     Err(n)
                 })

@@ -36,8 +36,10 @@ pub fn listed<T: AsRef<str>>(wanted: &str, there: &[T]) -> String {
 
 /// Returns the name in `there` that is most similar to `wanted`, if it is similar enough. Case is ignored.
 pub fn nearly<'a, T: AsRef<str>>(wanted: &str, there: &'a [T]) -> Option<&'a str> {
-    let names = there.iter().map(AsRef::as_ref);
-    let nearest = names.min_by_key(|name| distance(wanted, name))?;
+    let nearest = there
+        .iter()
+        .map(AsRef::as_ref)
+        .min_by_key(|name| distance(wanted, name))?;
     // By the longer name, so that a letter left out counts like one too many.
     let letters = wanted.chars().count().max(nearest.chars().count());
     (distance(wanted, nearest) <= letters / ALIKE_LETTERS).then_some(nearest)

@@ -127,8 +127,10 @@ pub fn check_folder(path: &Path, overwrite: bool, inputs: &[PathBuf]) -> Result<
     let listed: BTreeSet<&Path> = list.lines().map(Path::new).collect();
     // An empty folder belongs to the earlier run if the list names it, or files in it.
     let is_own = |inner: &&PathBuf| {
-        let next = listed.range(inner.as_path()..).next();
-        next.is_some_and(|listed| listed.starts_with(inner))
+        listed
+            .range(inner.as_path()..)
+            .next()
+            .is_some_and(|listed| listed.starts_with(inner))
     };
     let mut files = content.files.iter();
     let foreign = files.find(|file| !listed.contains(file.as_path()));
@@ -377,8 +379,10 @@ mod tests {
         std::os::unix::fs::symlink("/dev/zero", path.join(LIST)).unwrap();
         holds(&refusal(result(&path, true, &["x"])), &[LIST]);
         fs::remove_file(path.join(LIST)).unwrap();
-        let long = fs::File::create(path.join(LIST)).unwrap();
-        long.set_len((16 << 20) + 1).unwrap();
+        fs::File::create(path.join(LIST))
+            .unwrap()
+            .set_len((16 << 20) + 1)
+            .unwrap();
         holds(&refusal(result(&path, true, &["x"])), &["16777216 bytes"]);
     }
 

@@ -63,8 +63,7 @@ fn without_its_path(failure: io::Error) -> io::Error {
 
 /// Checks that a file can be created in `folder`, with a file that has no name.
 pub(crate) fn try_in(folder: &Path) -> io::Result<()> {
-    let made = tempfile::tempfile_in(folder);
-    made.map(drop).map_err(without_its_path)
+    tempfile::tempfile_in(folder).map(drop).map_err(without_its_path)
 }
 
 /// A temporary file or folder. It is removed with all its content when it is dropped.
@@ -294,8 +293,10 @@ mod tests {
     #[test]
     fn a_failure_does_not_name_the_temporary() {
         let folder = tempfile::tempdir().unwrap();
-        let failure = Temporary::file_in(&folder.path().join("nowhere"), None).err();
-        let message = failure.unwrap().to_string();
+        let message = Temporary::file_in(&folder.path().join("nowhere"), None)
+            .err()
+            .unwrap()
+            .to_string();
         assert!(!message.contains(PREFIX), "{message}");
     }
 }

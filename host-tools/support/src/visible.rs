@@ -170,8 +170,8 @@ mod tests {
             prop_assert!(!shown.contains(|c: char| is_obeyed(c) || c == '<'));
             let read: Vec<String> = serde_json::from_str(&shown).unwrap();
             prop_assert_eq!(&read[0], &text);
-            let attribute = escaped(&shown).replace("&quot;", "\"").replace("&#39;", "'");
-            let attribute = attribute.replace("&gt;", ">").replace("&amp;", "&");
+            let attribute = escaped(&shown)
+                .replace("&quot;", "\"").replace("&#39;", "'").replace("&gt;", ">").replace("&amp;", "&");
             prop_assert_eq!(attribute, shown);
         }
     }

@@ -75,8 +75,11 @@ pub fn check() -> Result<String> {
 /// Returns true if the bytes are the same, and false if another compiler built other bytes.
 fn is_same(kept: &[u8], compiler: &str, built: &Built) -> Result<bool> {
     if kept != built.bytes && compiler == built.compiler {
-        let pairs = kept.iter().zip(&built.bytes);
-        let first = pairs.take_while(|(kept, built)| kept == built).count();
+        let first = kept
+            .iter()
+            .zip(&built.bytes)
+            .take_while(|(kept, built)| kept == built)
+            .count();
         bail!(
             "{KEPT} has {} bytes, and what {compiler} builds has {}; they differ from byte {first} on; if the kernel \
              or the format has changed on purpose, `cargo tasks browser-module` writes it anew",

@@ -42,8 +42,10 @@ impl EmulatorReport {
     pub fn parse(text: &str) -> Result<Self> {
         let mut report = Self::default();
         let lines: Vec<&str> = text.lines().map(str::trim_end).collect();
-        let end = lines.iter().position(|line| *line == keyword::END);
-        let end = end.context("the image's report ends before its last line")?;
+        let end = lines
+            .iter()
+            .position(|line| *line == keyword::END)
+            .context("the image's report ends before its last line")?;
         ensure!(end + 1 == lines.len(), "the image's report goes on after its end");
         for line in &lines[..end] {
             let costs = match line.split(' ').next() {
@@ -99,8 +101,7 @@ pub fn on_host() -> Vec<String> {
         for vector in &VECTORS {
             let mut words = Vec::new();
             let sink = |sample: model_format::OutputSample| words.push(sample.0.cast_unsigned());
-            let full_scale = run::<Portable>(&library, vector, sink);
-            let full_scale = full_scale.expect("the library holds every vector");
+            let full_scale = run::<Portable>(&library, vector, sink).expect("the library holds every vector");
             played.push(format!("{} {arithmetic} {}", keyword::VECTOR, vector.texture));
             played.extend(lines(&words));
             played.push(format!("{} {full_scale}", keyword::FULL_SCALE));
@@ -171,6 +172,8 @@ pub fn costs_hold(processor: Processor, report: &EmulatorReport) -> Result<()> {
 
 #[cfg(test)]
 mod tests {
+    use kernel_vectors::CostBudget;
+
     use super::*;
 
     const PROCESSOR: Processor = Processor::CortexM4;
@@ -200,37 +203,38 @@ mod tests {
 
     #[test]
     fn costs_that_vary_exceed_or_are_missing_are_refused() {
-        let costs = |fewest, most, calls| {
-            let cost = move |measured: &kernel_vectors::CostBudget| Cost {
-                texture: measured.texture.to_owned(),
-                fewest,
-                most,
-                calls,
-            };
-            COST_BUDGETS.iter().map(cost).collect::<Vec<_>>()
+        let cost = |measured: &CostBudget, fewest, most| Cost {
+            texture: measured.texture.to_owned(),
+            fewest,
+            most,
+            calls: MIN_CALLS.max(PATH_UPDATES),
         };
-        let calls = MIN_CALLS.max(PATH_UPDATES);
-        let samples = COST_BUDGETS.iter().map(|measured| measured.budget_instructions);
-        let updates = COST_BUDGETS.iter();
-        let updates = updates.map(|measured| measured.update_budget_instructions);
-        let [sample, update] = [samples.min(), updates.min()].map(|lowest| lowest.unwrap());
-        for (samples, follows, holds) in [
-            (costs(7, 7, calls), costs(6, 7, calls), true),
-            (costs(6, 7, calls), costs(7, 7, calls), false),
-            (costs(7, 7, MIN_CALLS - 1), costs(7, 7, calls), false),
-            (costs(7, 7, calls), costs(7, 7, PATH_UPDATES - 1), false),
-            (Vec::new(), costs(7, 7, calls), false),
-            (costs(7, 7, calls), Vec::new(), false),
-            (costs(sample, sample, calls), costs(0, update, calls), true),
-            (costs(sample + 1, sample + 1, calls), costs(0, update, calls), false),
-            (costs(sample, sample, calls), costs(0, update + 1, calls), false),
-        ] {
-            let report = EmulatorReport {
-                samples,
-                follows,
-                ..EmulatorReport::default()
-            };
-            assert_eq!(costs_hold(PROCESSOR, &report).is_ok(), holds, "{report:?}");
+        let sample = |own: &CostBudget| cost(own, own.budget_instructions, own.budget_instructions);
+        let good = EmulatorReport {
+            samples: COST_BUDGETS.iter().map(sample).collect(),
+            follows: (COST_BUDGETS
+                .iter()
+                .map(|own| cost(own, 0, own.update_budget_instructions)))
+            .collect(),
+            ..EmulatorReport::default()
+        };
+        assert!(costs_hold(PROCESSOR, &good).is_ok());
+        let faults: [fn(&mut EmulatorReport); 7] = [
+            |bad| bad.samples[0].fewest -= 1,
+            |bad| bad.samples[0].calls = MIN_CALLS - 1,
+            |bad| bad.follows[0].calls = PATH_UPDATES - 1,
+            |bad| drop(bad.samples.pop()),
+            |bad| drop(bad.follows.pop()),
+            |bad| bad.follows[0].most += 1,
+            |bad| {
+                let Cost { fewest, most, .. } = &mut bad.samples[0];
+                (*fewest, *most) = (*fewest + 1, *most + 1);
+            },
+        ];
+        for fault in faults {
+            let mut bad = good.clone();
+            fault(&mut bad);
+            assert!(costs_hold(PROCESSOR, &bad).is_err(), "{bad:?}");
         }
     }
 

@@ -24,16 +24,19 @@ impl Progress {
 /// Runs `command` to its end. Returns the exit code that this program has to return: that of `command`, or 1 if a
 /// signal ended it.
 pub fn become_like(command: &mut Command) -> Result<u8> {
-    let status = command.status();
-    let status = status.with_context(|| format!("cannot run {}", name(command)))?;
-    let code = status.code().and_then(|code| u8::try_from(code).ok());
-    Ok(code.unwrap_or(1))
+    Ok(command
+        .status()
+        .with_context(|| format!("cannot run {}", name(command)))?
+        .code()
+        .and_then(|code| u8::try_from(code).ok())
+        .unwrap_or(1))
 }
 
 /// Runs `command` to its end. Its output goes to the screen.
 pub fn run(command: &mut Command) -> Result<()> {
-    let status = command.status();
-    let status = status.with_context(|| format!("cannot run {}", name(command)))?;
+    let status = command
+        .status()
+        .with_context(|| format!("cannot run {}", name(command)))?;
     if !status.success() {
         bail!("{} failed ({status}); see above", whole(command));
     }
@@ -45,8 +48,9 @@ pub fn run(command: &mut Command) -> Result<()> {
 /// # Errors
 /// The program cannot be started, or fails. The error contains its message.
 pub fn output(command: &mut Command) -> Result<String> {
-    let output = command.output();
-    let output = output.with_context(|| format!("cannot run {}", name(command)))?;
+    let output = command
+        .output()
+        .with_context(|| format!("cannot run {}", name(command)))?;
     if !output.status.success() {
         let told = String::from_utf8_lossy(&output.stderr);
         bail!("{} failed: {}", whole(command), told.trim());

@@ -53,8 +53,9 @@ impl Folders {
 
     /// Returns the first of the folders whose name occurs in `output`, if any.
     pub fn named_in(&self, output: &[u8]) -> Option<String> {
-        let folders = [&self.sources, &self.cargo_home, &self.target].into_iter();
-        let mut names = folders.map(|folder| folder.display().to_string());
+        let mut names = [&self.sources, &self.cargo_home, &self.target]
+            .into_iter()
+            .map(|folder| folder.display().to_string());
         names.find(|name| output.windows(name.len()).any(|part| part == name.as_bytes()))
     }
 

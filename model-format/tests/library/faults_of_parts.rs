@@ -7,8 +7,7 @@ use crate::bytes::{RawLibrary, RawTexture, blocks, codebook, lines, two_codebook
 use crate::faults::{BAD, of_texture, tells};
 
 fn owned(parts: &[(u32, &[u8])]) -> Vec<(u32, Vec<u8>)> {
-    let parts = parts.iter();
-    parts.map(|part| (part.0, part.1.to_vec())).collect()
+    parts.iter().map(|part| (part.0, part.1.to_vec())).collect()
 }
 
 /// Checks that the sound library is refused so with these optional parts of texture 1.

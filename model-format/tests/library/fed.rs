@@ -53,10 +53,7 @@ proptest! {
 fn a_texture_lists_its_codebooks_with_their_bytes() {
     let bytes = RawLibrary::full().bytes();
     let library = Library::decode(&bytes).expect("a valid library");
-    let parts = |index| -> Vec<(PartKind, usize)> {
-        let texture = library.texture_at(index).expect("it is there");
-        texture.parts().collect()
-    };
+    let parts = |index| -> Vec<(PartKind, usize)> { library.texture_at(index).expect("it is there").parts().collect() };
     let excitation = (PartKind::Excitation, two_codebooks(6).len());
     assert_eq!(parts(1), [(PartKind::Levels, 2), excitation]);
     // Two lines, each with a wavelength, a phase and six amplitudes.

@@ -91,8 +91,7 @@ fn texture() -> impl Strategy<Value = TextureSpec> {
         let nodes: Vec<_> = (0..speeds.len() * forces.len())
             .map(|index| node(at_zero(index)))
             .collect();
-        let moves = (0..speeds.len() * forces.len()).map(|index| !at_zero(index));
-        let nodes_that_move: Vec<bool> = moves.collect();
+        let nodes_that_move: Vec<bool> = (0..speeds.len() * forces.len()).map(|index| !at_zero(index)).collect();
         (
             name(),
             1..=limits::MAX_SAMPLE_RATE_HZ,
@@ -195,8 +194,10 @@ fn lines(moves: Vec<bool>) -> impl Strategy<Value = Option<LinesSpec>> {
     let wavelengths = btree_set(wavelengths, 0..=limits::MAX_LINES);
     (wavelengths, phases, amplitudes).prop_map(move |(wavelengths, phases, amplitudes)| {
         let amplitudes = amplitudes.chunks(moves.len());
-        let lines = wavelengths.iter().zip(&phases).zip(amplitudes);
-        let lines: Vec<LineSpec> = lines
+        let lines: Vec<LineSpec> = wavelengths
+            .iter()
+            .zip(&phases)
+            .zip(amplitudes)
             .map(|((&wavelength, &phase), amplitudes)| LineSpec {
                 wavelength_mm: f32::from_bits(wavelength),
                 phase,

@@ -362,15 +362,18 @@ proptest! {
         }).collect();
         // The largest gain of any section, and of any cascade from the first section on.
         let highest = |sections: &[[[f64; 3]; 2]]| cosines.iter().map(|c| {
-            let gains = sections.iter().map(|[above, below]| gain_of(*above, *below, *c));
-            gains.fold((1.0, 0.0), |(all, highest): (f64, f64), own| (all * own, highest.max(own).max(all * own))).1
+            sections.iter()
+                .map(|[above, below]| gain_of(*above, *below, *c))
+                .fold((1.0, 0.0), |(all, highest): (f64, f64), own| (all * own, highest.max(own).max(all * own)))
+                .1
         }).fold(0.0, f64::max);
         let scale = excess * MAX_EQUALISER_GAIN / highest(&sections);
         sections[0][0] = sections[0][0].map(|b| b * scale);
         let found = highest(&sections) / MAX_EQUALISER_GAIN;
         prop_assume!((found - 1.005).abs() > 0.007);
-        let stored = sections.iter().map(|&[above, [_, a1, a2]]| Biquad::from_f64(above, [a1, a2]));
-        let stored = stored.collect::<Option<Vec<Biquad>>>();
+        let stored = sections.iter()
+            .map(|&[above, [_, a1, a2]]| Biquad::from_f64(above, [a1, a2]))
+            .collect::<Option<Vec<Biquad>>>();
         prop_assume!(stored.is_some());
         let checked = check_equaliser(&stored.unwrap_or_default());
         prop_assert_eq!(checked.is_ok(), found < 1.0, "{}", found);

@@ -137,9 +137,11 @@ pub fn share_of_block(block: &[u8], index: usize) -> f64 {
 
 /// Samples of a codebook by the formula of the format, in floating point.
 fn samples(codebook: &CodebookSpec) -> impl Iterator<Item = f64> {
-    let blocks = codebook.blocks.chunks(BLOCK_BYTES);
-    let shares = blocks.flat_map(|block| (0..BLOCK_SAMPLES).map(|index| share_of_block(block, index)));
-    shares.map(|share| share * f64::from(codebook.peak))
+    codebook
+        .blocks
+        .chunks(BLOCK_BYTES)
+        .flat_map(|block| (0..BLOCK_SAMPLES).map(|index| share_of_block(block, index)))
+        .map(|share| share * f64::from(codebook.peak))
 }
 
 /// Mean square of a codebook.
@@ -197,8 +199,7 @@ fn thetas_of(tail: &TailSpec) -> impl Iterator<Item = i32> + Clone + '_ {
 fn check_tail(before: usize, tail: &TailSpec) {
     assert!(before == limits::MAX_FINE_STAGES || tail.codes.is_empty());
     assert!(!tail.codes.contains(&i8::MIN));
-    let largest = tail.codes.iter().map(|code| code.unsigned_abs()).max();
-    let largest = largest.unwrap_or(0);
+    let largest = tail.codes.iter().map(|code| code.unsigned_abs()).max().unwrap_or(0);
     assert_eq!(tail.step == 0, largest == 0);
     assert!(tail.step <= 1 || largest >= limits::MIN_LARGEST_TAIL_CODE);
 }

@@ -84,8 +84,10 @@ impl Bench {
         let bytes = self.read(name);
         let reader = hound::WavReader::new(&bytes[..]).expect("it is a WAV file");
         assert_eq!(reader.spec().sample_rate, rate_hz);
-        let samples = reader.into_samples::<f32>();
-        samples.map(|sample| f64::from(sample.unwrap())).collect()
+        reader
+            .into_samples::<f32>()
+            .map(|sample| f64::from(sample.unwrap()))
+            .collect()
     }
 
     /// Runs `stylus` in the folder; the arguments are split at spaces.
@@ -125,6 +127,11 @@ impl Bench {
         let (out, err) = (text(&output.stdout), text(&output.stderr));
         assert!(output.status.success(), "stylus {arguments}\n{out}\n{err}");
         out
+    }
+
+    /// Runs `stylus`, which must succeed, and returns the report that it prints as JSON.
+    pub fn json(&self, arguments: &str) -> Value {
+        json(&self.succeed(arguments))
     }
 
     /// Runs `stylus`, which must succeed, and returns its standard error with one line per message.
@@ -228,14 +235,15 @@ pub fn two_textures<const AXES: usize>(axes: impl Fn(&[f64]) -> [Vec<f64>; AXES]
 
 /// The paper's rig with these speeds and forces, as text.
 pub fn rig_of(speeds: &str, forces: &str) -> String {
-    let paper = host_tools::rig::RigFile::paper();
-    let lines = paper.text().lines();
-    let lines = lines.map(|line| match line.split('=').next().unwrap_or("").trim() {
-        "speeds_mm_s" => format!("speeds_mm_s = [{speeds}]\n"),
-        "forces_n" => format!("forces_n = [{forces}]\n"),
-        _ => format!("{line}\n"),
-    });
-    lines.collect()
+    host_tools::rig::RigFile::paper()
+        .text()
+        .lines()
+        .map(|line| match line.split('=').next().unwrap_or("").trim() {
+            "speeds_mm_s" => format!("speeds_mm_s = [{speeds}]\n"),
+            "forces_n" => format!("forces_n = [{forces}]\n"),
+            _ => format!("{line}\n"),
+        })
+        .collect()
 }
 
 /// Like [`rig_of`], with denim only.
@@ -268,8 +276,7 @@ pub fn text(bytes: &[u8]) -> String {
 pub fn all_pole(a: &[f64], excitation: &[f64]) -> Vec<f64> {
     let mut output: Vec<f64> = Vec::with_capacity(excitation.len());
     for (n, e) in excitation.iter().enumerate() {
-        let past = a.iter().enumerate().take(n);
-        let past = past.map(|(i, a)| a * output[n - 1 - i]);
+        let past = a.iter().enumerate().take(n).map(|(i, a)| a * output[n - 1 - i]);
         let next = e - past.sum::<f64>();
         output.push(next);
     }
@@ -308,8 +315,11 @@ pub fn power_between(a: &[f64], rate_hz: u32, low_hz: f64, high_hz: f64) -> f64 
         }
         2.0 / f64::from(rate_hz) / (re * re + im * im)
     };
-    let middles = (0..STEPS).map(|n| low_hz + (f64::from(n) + 0.5) * step_hz);
-    middles.map(density).sum::<f64>() * step_hz
+    (0..STEPS)
+        .map(|n| low_hz + (f64::from(n) + 0.5) * step_hz)
+        .map(density)
+        .sum::<f64>()
+        * step_hz
 }
 
 /// A ratio of powers, dB.
@@ -346,8 +356,7 @@ fn wav_of<T: hound::Sample>(spec: hound::WavSpec, samples: impl Iterator<Item = 
     let mut bytes = std::io::Cursor::new(Vec::new());
     let mut writer = hound::WavWriter::new(&mut bytes, spec).expect("the spec is sound");
     for sample in samples {
-        let written = writer.write_sample(sample);
-        written.expect("there is room in memory");
+        writer.write_sample(sample).expect("there is room in memory");
     }
     writer.finalize().expect("there is room in memory");
     bytes.into_inner()
@@ -373,12 +382,13 @@ pub fn interrupt(child: &Child) {
 /// because a small system has no other.
 #[cfg(unix)]
 pub fn signal(name: &str, process: u32) -> bool {
-    let sent = Command::new("sh")
+    Command::new("sh")
         .arg("-c")
         .arg(format!("kill -{name} {process}"))
         .stderr(Stdio::null())
-        .status();
-    sent.expect("a shell is there").success()
+        .status()
+        .expect("a shell is there")
+        .success()
 }
 
 /// Returns the one line on standard error of `output`, which must be a refusal with code 2.

@@ -29,8 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn start() -> Result<FakeStylus, Box<dyn Error>> {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let (pairs, rest) = words.as_chunks::<2>();
-    let options = pairs.iter().map(|[name, value]| (&**name, &**value));
-    let mut options: HashMap<&str, &str> = options.collect();
+    let mut options: HashMap<&str, &str> = pairs.iter().map(|[name, value]| (&**name, &**value)).collect();
     let plant = options.remove("--plant");
     let seed = options.remove("--plant-seed").map(str::parse).transpose()?;
     let log = options.remove("--log").map(File::create).transpose()?;

@@ -107,7 +107,6 @@ pub fn planned(library: &[u8], selection: &Selection, response: Option<&Response
     let library = Library::decode(library).expect("it was loaded");
     let plan = plan_of(selection, &library, u32::MAX, response);
     let (plan, _) = plan.expect("it was found playable");
-    let follower = Follower::new(matches!(selection, Selection::Scene(_)));
-    let follower = follower.tracking(plan.has_lines());
+    let follower = Follower::new(matches!(selection, Selection::Scene(_))).tracking(plan.has_lines());
     (plan, follower)
 }

@@ -117,8 +117,9 @@ impl SharedControl {
 
     /// Returns true while the storage waits for time to pass, like for a timer.
     pub fn is_storage_waiting(&self) -> bool {
-        let wakes_at = self.wakes_at.get();
-        wakes_at.is_some_and(|at| self.borrow_mut().device().now() < at)
+        self.wakes_at
+            .get()
+            .is_some_and(|at| self.borrow_mut().device().now() < at)
     }
 
     /// Runs the device for one millisecond, and then polls it. Returns the blocks that were recorded, each with its
@@ -396,8 +397,9 @@ impl SelfTestHardware for BoardOf {
     }
 
     async fn output(&mut self) -> Result<OutputValues, SelfTestError> {
-        let codes = (0..OUTPUT_CODES).map(output_code);
-        let codes = codes.filter(|&code| code != DacCode::MID_SCALE.get());
+        let codes = (0..OUTPUT_CODES)
+            .map(output_code)
+            .filter(|&code| code != DacCode::MID_SCALE.get());
         self.control.borrow_mut().device().test_codes += codes.count();
         self.board().output
     }

@@ -46,8 +46,10 @@ pub fn announcement(bytes: &[u8]) -> UploadBegin {
 /// Returns the chunks of an upload of `bytes` from byte `from` on. Each has `size` bytes; the last may have fewer.
 pub fn chunks(bytes: &[u8], from: usize, size: usize) -> impl Iterator<Item = UploadChunk<'_>> {
     let offsets = (from as u32..).step_by(size);
-    let pieces = bytes[from..].chunks(size).zip(offsets);
-    pieces.map(|(data, offset)| UploadChunk { offset, data })
+    bytes[from..]
+        .chunks(size)
+        .zip(offsets)
+        .map(|(data, offset)| UploadChunk { offset, data })
 }
 
 /// A library of one texture with one node, a few flash words long.
@@ -57,8 +59,7 @@ pub fn small(name: &str) -> Vec<u8> {
 
 /// A library of textures with one node each, whose coefficient depends on `seed`.
 pub fn small_of(names: &[&str], seed: i16) -> Vec<u8> {
-    let textures = names.iter().map(|name| small_texture(name, seed, 5_000));
-    let textures: Vec<_> = textures.collect();
+    let textures: Vec<_> = names.iter().map(|name| small_texture(name, seed, 5_000)).collect();
     encode(&textures).expect("the library is valid")
 }
 

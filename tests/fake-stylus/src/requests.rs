@@ -97,8 +97,9 @@ impl Requests {
             self.desk.borrow_mut().is_at_work = job.is_some();
             if let Some(job) = job {
                 let from = job.from;
-                let length = work(storage, &mut stage, &mut board, job, &mut answer).await;
-                let length = length.expect("every job is answered");
+                let length = work(storage, &mut stage, &mut board, job, &mut answer)
+                    .await
+                    .expect("every job is answered");
                 let mut desk = self.desk.borrow_mut();
                 desk.answers.push((from, answer[..length].into()));
                 desk.wants_restart = storage.wants_restart();
@@ -148,8 +149,7 @@ impl Requests {
         E::Request: Serialize,
         E::Response: DeserializeOwned,
     {
-        let answer = self.send(link, E::REQ_KEY, body);
-        let answer = answer.expect("it is answered at once");
+        let answer = self.send(link, E::REQ_KEY, body).expect("it is answered at once");
         let (_, body) = VarHeader::take_from_slice(&answer).expect("a frame has a header");
         postcard::from_bytes(body).expect("the answer is the endpoint's")
     }

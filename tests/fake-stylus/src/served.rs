@@ -239,8 +239,11 @@ impl FakeStylus {
 
     /// Number of frames for `path` that have arrived since [`FakeStylus::take_heard`].
     pub fn count(&self, path: &str) -> usize {
-        let inner = lock(&self.inner);
-        inner.heard.iter().filter(|heard| heard.path == path).count()
+        lock(&self.inner)
+            .heard
+            .iter()
+            .filter(|heard| heard.path == path)
+            .count()
     }
 
     /// Number of connections so far.
@@ -354,10 +357,9 @@ fn serve(listeners: &Listeners, shared: &Mutex<Inner>, prepare: impl FnOnce(&mut
         clock.follow(&control.borrow().status(), is_free);
         let blocks = catch_up(&control, clock.time(), &faults, shared, &mut recorded);
         lock(shared).to_pass -= passed;
-        let frames = wires.each_mut().map(|wire| {
-            let open = wire.connection.as_mut();
-            open.map_or_else(Vec::new, Connection::receive)
-        });
+        let frames = wires
+            .each_mut()
+            .map(|wire| wire.connection.as_mut().map_or_else(Vec::new, Connection::receive));
         // A connection is read with a timeout; without one the loop would use a whole core.
         if is_alone {
             thread::sleep(PAUSE);
@@ -414,8 +416,11 @@ fn answer_all(wires: &mut [Wire<'_>; 2], answers: impl Iterator<Item = (LinkId, 
 
 fn connection_of<'a>(wires: &'a mut [Wire<'_>; 2], id: LinkId) -> Option<&'a mut Connection> {
     let mut wires = wires.iter_mut();
-    let connection = wires.find(|wire| wire.id == id)?.connection.as_mut();
-    connection.filter(|open| open.is_open())
+    wires
+        .find(|wire| wire.id == id)?
+        .connection
+        .as_mut()
+        .filter(|open| open.is_open())
 }
 
 /// Time since the device's start.

@@ -61,8 +61,7 @@ fn play(texture: Texture<'_>) {
         last,
         (-f32::MAX, f32::MAX),
     ] {
-        let motion = Motion::new(MillimetresPerSecond(speed), Newton(force));
-        let motion = motion.expect("axes are finite");
+        let motion = Motion::new(MillimetresPerSecond(speed), Newton(force)).expect("axes are finite");
         // First the position follows from the speed, then it jumps to places that no hand reaches within a block.
         for position in [None, Some(0.3), Some(f32::MAX), Some(-1.0e9), None] {
             let position = position.map(Position::from_mm);
@@ -85,8 +84,12 @@ fn play_scene(scene: &Scene, library: &Library<'_>) {
         for _ in 0..UPDATE_INTERVAL_SAMPLES {
             player.next_sample();
         }
-        let stages = player.block().stages().iter();
-        stages.filter(|stage| stage.voice().is_some()).count()
+        player
+            .block()
+            .stages()
+            .iter()
+            .filter(|stage| stage.voice().is_some())
+            .count()
     };
     let motion = Motion::new(MillimetresPerSecond(50.0), Newton(1.0)).expect("finite");
     block(Interaction::NONE);

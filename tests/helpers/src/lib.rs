@@ -10,6 +10,12 @@ pub fn noise(seed: u64, samples: usize) -> Vec<f64> {
     StandardNormal.sample_iter(generator).take(samples).collect()
 }
 
+/// Largest prime factor of a number above 1.
+pub fn largest_factor(number: usize) -> usize {
+    let least = (2..=number.isqrt()).find(|&factor| number.is_multiple_of(factor));
+    least.map_or(number, |factor| factor.max(largest_factor(number / factor)))
+}
+
 /// Asserts that `found` is within `tolerance` of `expected`.
 #[track_caller]
 pub fn near(found: f64, expected: f64, tolerance: f64) {

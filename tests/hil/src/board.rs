@@ -178,8 +178,9 @@ impl VirtualBoard {
         let Some((_, stdin)) = &mut self.running else {
             return Err(self.failed(&"it has ended"));
         };
-        let told = writeln!(stdin, "{what}").and_then(|()| stdin.flush());
-        told.map_err(|error| self.failed(&error))
+        writeln!(stdin, "{what}")
+            .and_then(|()| stdin.flush())
+            .map_err(|error| self.failed(&error))
     }
 
     /// Ends the process, which then writes the flash to its file.

@@ -45,8 +45,7 @@ pub struct Report {
 impl Report {
     /// The tests with `verdict`.
     pub fn with(&self, verdict: Verdict) -> impl Iterator<Item = &Test> {
-        let tests = self.tests.iter();
-        tests.filter(move |test| test.line.verdict == verdict)
+        self.tests.iter().filter(move |test| test.line.verdict == verdict)
     }
 
     /// Returns true if the run was completed, something passed and nothing failed.

@@ -21,8 +21,7 @@ pub fn run(bench: &mut DeviceUnderTest, library: Option<PathBuf>) -> Result<()> 
     let kept = Kept::save(bench, library)?;
     let played = played();
     let ended = if kept.may_play(bench) {
-        let playable = kept.make_playable(bench);
-        playable.and_then(|()| subjects(bench, &played))
+        kept.make_playable(bench).and_then(|()| subjects(bench, &played))
     } else {
         silent_subjects(bench, &played)
     };
@@ -196,13 +195,15 @@ fn silence(bench: &DeviceUnderTest) -> Result<()> {
 /// Describes the libraries that the run will overwrite, one text per library.
 pub fn overwrites(bench: &DeviceUnderTest) -> Result<Vec<String>> {
     let slots = bench.device.slots()?;
-    let names = ["A", "B"].into_iter().zip(&slots.slots);
-    let taken = names.filter_map(|(name, slot)| match slot {
-        SlotState::Valid(info) => Some(format!(
-            "the library in slot {name}: {} bytes, {} textures, {} scenes",
-            info.length, info.textures, info.scenes
-        )),
-        _ => None,
-    });
-    Ok(taken.collect())
+    Ok(["A", "B"]
+        .into_iter()
+        .zip(&slots.slots)
+        .filter_map(|(name, slot)| match slot {
+            SlotState::Valid(info) => Some(format!(
+                "the library in slot {name}: {} bytes, {} textures, {} scenes",
+                info.length, info.textures, info.scenes
+            )),
+            _ => None,
+        })
+        .collect())
 }

@@ -54,8 +54,10 @@ fn bench(stylus: &FakeStylus) -> DeviceUnderTest {
 /// Returns a bench whose device holds the suite's library.
 fn bench_with_library(stylus: &FakeStylus) -> (DeviceUnderTest, Played) {
     let mut bench = bench(stylus);
-    let kept = Kept::save(&bench, None).expect("the device answers");
-    kept.make_playable(&bench).expect("the device takes them");
+    Kept::save(&bench, None)
+        .expect("the device answers")
+        .make_playable(&bench)
+        .expect("the device takes them");
     let played = played();
     upload::check(&mut bench, &played.bytes).expect("the device takes it");
     assert_eq!(failed(&bench), [""; 0]);
@@ -64,8 +66,11 @@ fn bench_with_library(stylus: &FakeStylus) -> (DeviceUnderTest, Played) {
 
 /// The names of the tests that failed.
 fn failed(bench: &DeviceUnderTest) -> Vec<&str> {
-    let failed = bench.report.with(Verdict::Fail);
-    failed.map(|test| test.line.name.as_str()).collect()
+    bench
+        .report
+        .with(Verdict::Fail)
+        .map(|test| test.line.name.as_str())
+        .collect()
 }
 
 #[test]

@@ -80,12 +80,9 @@ pub fn specs() -> [TextureSpec; 12] {
             .with_codebooks()
             .with_lines(&FOUR_LINES)
             .texture("lattice, snippets and four lines"),
-        Grid::new(|index| {
-            let model = resonant(130 + index as u64).with_fractions(40 + index as u64);
-            model.compact()
-        })
-        .with_laws(LevelLaw::Logarithm, FadeLaw::Power)
-        .texture("compact lattice, mean dB"),
+        Grid::new(|index| resonant(130 + index as u64).with_fractions(40 + index as u64).compact())
+            .with_laws(LevelLaw::Logarithm, FadeLaw::Power)
+            .texture("compact lattice, mean dB"),
         Grid::new(|index| resonant(150 + index as u64))
             .with_lines(&FOUR_LINES)
             .with_wanders()
@@ -127,8 +124,7 @@ pub fn counted_library(orders: &[usize]) -> Vec<u8> {
         Grid::one(&Model::gentle(order, order as u64), 9.0).texture(&alloc::format!("order {order}, one node"))
     };
     let grid = |&order: &usize| counted_texture(order, &alloc::format!("order {order}, four nodes"));
-    let textures = orders.iter().map(one).chain(orders.iter().map(grid));
-    let textures: Vec<TextureSpec> = textures.collect();
+    let textures: Vec<TextureSpec> = orders.iter().map(one).chain(orders.iter().map(grid)).collect();
     encode(&textures).expect("the textures are valid")
 }
 
@@ -332,8 +328,10 @@ impl Grid {
     }
 
     fn texture(&self, name: &str) -> TextureSpec {
-        let nodes = self.models.iter();
-        let nodes = nodes.map(|(model, power)| NodeSpec::new(*power, model.lattice()));
+        let nodes = self
+            .models
+            .iter()
+            .map(|(model, power)| NodeSpec::new(*power, model.lattice()));
         TextureSpec {
             laws: self.laws,
             parts: PartsSpec {

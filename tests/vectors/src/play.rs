@@ -57,8 +57,10 @@ fn run_beside<M: Arithmetic>(
     const TRANSITION_MM: f32 = 64.0;
     const WAY_MM: u32 = 48;
     let surface = |name: &str| {
-        let index = library.textures().position(|one| one.name() == name);
-        let index = index.ok_or(PlayError::NoTexture)?;
+        let index = library
+            .textures()
+            .position(|one| one.name() == name)
+            .ok_or(PlayError::NoTexture)?;
         Ok::<_, PlayError>(Surface::of_texture(index as u8))
     };
     let surfaces = [surface(textures[0])?, surface(textures[1])?];
@@ -70,8 +72,7 @@ fn run_beside<M: Arithmetic>(
             let update = n / UPDATE_INTERVAL_SAMPLES;
             // A triangle wave with 1 mm per update, which begins at the right turning point.
             let place = (update % (4 * WAY_MM)).abs_diff(2 * WAY_MM) as f32 - WAY_MM as f32;
-            let interaction = Interaction::new(motion(update), place, true);
-            let interaction = interaction.expect("the place is finite");
+            let interaction = Interaction::new(motion(update), place, true).expect("the place is finite");
             player.follow(interaction, UPDATE_INTERVAL_SAMPLES);
         }
         sink(player.next_sample());

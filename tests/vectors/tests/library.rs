@@ -59,8 +59,7 @@ fn the_words_of_lattices_are_those_of_every_release() {
         let vector = VECTORS.iter().find(|vector| vector.texture == name);
         let (samples, saturations) = play(&library, vector.expect("it is there"));
         let mut digest = Digest::default();
-        let words = samples.into_iter().map(OutputSample);
-        words.for_each(|word| digest.add(word));
+        samples.into_iter().map(OutputSample).for_each(|word| digest.add(word));
         assert_eq!(digest.value(), golden, "{name}: {:08x}", digest.value());
         assert_eq!(saturations, 0, "{name}");
     }
@@ -72,8 +71,11 @@ fn every_texture_is_heard() {
     let library = library();
     for vector in &VECTORS {
         let (samples, _) = play(&library, vector);
-        let moving = samples.windows(2).filter(|pair| pair[0] != pair[1]);
-        assert!(moving.count() > samples.len() / 2, "{}", vector.texture);
+        assert!(
+            samples.windows(2).filter(|pair| pair[0] != pair[1]).count() > samples.len() / 2,
+            "{}",
+            vector.texture
+        );
     }
 }
 

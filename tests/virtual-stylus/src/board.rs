@@ -79,8 +79,10 @@ impl StylusBoard {
         part.rcc.inner.attach_crystals(high_speed_hz, LOW_SPEED_HZ);
         part.rest.set_supply(electrical.supply_millivolts);
         part.rest.set_analog_supply(electrical.supply_millivolts);
-        let serial = usart::INSTANCES.iter().position(|&name| name == SERIAL);
-        let serial = serial.ok_or_else(|| Error::Emulator(format!("the part has no {SERIAL}")))?;
+        let serial = usart::INSTANCES
+            .iter()
+            .position(|&name| name == SERIAL)
+            .ok_or_else(|| Error::Emulator(format!("the part has no {SERIAL}")))?;
         part.rest.usart[serial].attach(Line::default());
         Ok(Self {
             part,

@@ -364,8 +364,9 @@ impl Core {
     /// Reads a register of the MPU, or writes it.
     fn mpu(&mut self, write: Option<u64>, register: u64) -> u64 {
         let now = VirtualNanos(0);
-        let read = (self.inner).debugger_access(write, register, Width::W32, now);
-        read.unwrap_or_default()
+        (self.inner)
+            .debugger_access(write, register, Width::W32, now)
+            .unwrap_or_default()
     }
 
     /// Runs at most [`LOOK`] instructions while the bank with the code is busy, so that the next fetch is checked soon.

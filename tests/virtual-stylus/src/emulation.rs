@@ -115,8 +115,13 @@ impl Hands {
     }
 
     fn started(&mut self, operation: &Operation, host: &mut dyn Host) {
-        let moments = self.to_capture.iter().filter(|(number, _)| *number == operation.number);
-        for moment in moments.map(|(_, moment)| *moment).collect::<Vec<_>>() {
+        for moment in self
+            .to_capture
+            .iter()
+            .filter(|(number, _)| *number == operation.number)
+            .map(|(_, moment)| *moment)
+            .collect::<Vec<_>>()
+        {
             let mut contents = self.contents(host);
             contents.cut(&operation.kind, moment);
             self.captured.push(PowerCut {

@@ -137,8 +137,12 @@ fn start(arguments: &Arguments) -> Result<(VirtualStylus, Around)> {
         }
         None => (None, Contents::default()),
     };
-    let lines = arguments.motion.as_deref().map(read_csv).transpose()?;
-    let lines = lines.unwrap_or_default();
+    let lines = arguments
+        .motion
+        .as_deref()
+        .map(read_csv)
+        .transpose()?
+        .unwrap_or_default();
     let speeds: Vec<(u64, f64)> = lines.iter().map(|line| (nanos(line.time_s), line.speed_mm_s)).collect();
     let options = options(arguments, contents, lines)?;
     let mut stylus = VirtualStylus::new(&arguments.image, options)?;

@@ -184,8 +184,11 @@ impl Part {
             crs: slot("CRS")?,
             debug: slot("DBGMCU")?,
         };
-        let names = rest.bus().slots().iter().map(|slot| slot.peripheral().name);
-        let serial = names
+        let serial = rest
+            .bus()
+            .slots()
+            .iter()
+            .map(|slot| slot.peripheral().name)
             .enumerate()
             .filter(|(_, name)| SERIAL_PORTS.contains(&name.trim_end_matches(char::is_numeric)));
         let own = [
@@ -339,8 +342,7 @@ impl Part {
 
     /// Turns off the core's clocks for debugging, as probe-rs does when it detaches: `DBGMCU_CR` (section 60.5.8).
     pub fn detach_debugger(&mut self) {
-        let registers = registers(&mut self.rest, self.slots.debug);
-        registers.set(dbgmcu::Register::Cr, 0);
+        registers(&mut self.rest, self.slots.debug).set(dbgmcu::Register::Cr, 0);
     }
 
     /// Protects these sectors of bank 1 from writing, one bit per sector, and no others of that bank (section 4.5.2).
@@ -366,8 +368,7 @@ impl Part {
     /// (section 3.4, RAMECC_M1SR).
     pub fn find_ram_error(&mut self, flags: u64) -> Result<(), Error> {
         let slot = self.rest.bus().slot("RAMECC1")?;
-        let registers = registers(&mut self.rest, slot);
-        registers.set(ramecc1::Register::M1sr, flags);
+        registers(&mut self.rest, slot).set(ramecc1::Register::M1sr, flags);
         Ok(())
     }
 

@@ -49,8 +49,12 @@ pub const FULL_SCALE: f64 = 65_535.0;
 
 /// The default of `setting`. It is read from its text, because a default such as 0.01 is a little off as an `f32`.
 fn default_of(setting: Setting) -> f64 {
-    let default = setting.spec().default.to_string();
-    default.parse().expect("a number in decimals is a number")
+    setting
+        .spec()
+        .default
+        .to_string()
+        .parse()
+        .expect("a number in decimals is a number")
 }
 
 /// Newtons per volt of the force sensor.

@@ -32,8 +32,7 @@ impl Loopback {
 
     /// The port.
     fn port(&self) -> Result<u16> {
-        let address = self.0.local_addr().map_err(failure(0))?;
-        Ok(address.port())
+        Ok(self.0.local_addr().map_err(failure(0))?.port())
     }
 
     /// Returns the next program that has connected, if any. Bytes to it are sent at once, and reading from it does not

@@ -347,8 +347,9 @@ pub struct RunReport {
 
 /// All resets of the part after the first power-on.
 fn resets(session: &Session<StylusBoard>) -> Vec<Reset> {
-    let resets = session.resets().iter();
-    resets
+    session
+        .resets()
+        .iter()
         .map(|reset| Reset {
             at_ns: reset.at.0,
             cause: match reset.cause {

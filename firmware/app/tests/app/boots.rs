@@ -202,8 +202,7 @@ impl Life {
 
     /// Turns the device off and returns the memory of its flash.
     fn power_off(&mut self) -> Memory {
-        let stylus = self.stylus.take().expect("it is on");
-        stylus.storage.into_flash().0.memory
+        self.stylus.take().expect("it is on").storage.into_flash().0.memory
     }
 
     /// Runs `job` until it is done; none if power is lost before.

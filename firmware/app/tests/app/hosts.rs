@@ -68,8 +68,7 @@ impl Stylus {
     }
 
     fn proposes_reset(&self, link: LinkId) -> SettingsProposal {
-        let proposed = self.propose(link, &SettingsChange::Reset);
-        proposed.expect("it rests")
+        self.propose(link, &SettingsChange::Reset).expect("it rests")
     }
 
     fn apply(&mut self, link: LinkId, token: ProposalToken) -> Result<Settings, SettingsError> {
@@ -86,8 +85,7 @@ impl Stylus {
 }
 
 fn change_of(values: &[(Setting, f32)]) -> SettingsChange {
-    let changes = values.iter().map(|&(of, value)| change(of, value));
-    let changes: Vec<_> = changes.collect();
+    let changes: Vec<_> = values.iter().map(|&(of, value)| change(of, value)).collect();
     SettingsChange::of(&changes).expect("there is room for seven")
 }
 

@@ -107,8 +107,7 @@ fn rms(errors: &[(f64, f64)]) -> f64 {
 }
 
 fn worst(errors: &[(f64, f64)]) -> f64 {
-    let magnitudes = errors.iter().map(|(_, error)| error.abs());
-    magnitudes.fold(0.0, f64::max)
+    errors.iter().map(|(_, error)| error.abs()).fold(0.0, f64::max)
 }
 
 /// The remaining noise of the position within a count is less than half a count RMS, and at most a count.
@@ -178,8 +177,7 @@ fn a_counter_that_wraps_does_not_move_the_tool() {
     // A count is rounded to a whole number of steps of 2⁻³² mm, which is a relative error of up to 3·10⁻⁶ here.
     let path_mm = 230.0 * 1000.0;
     assert!(worst(&errors) < 0.01 + path_mm * 3e-6, "{}", worst(&errors));
-    let steps = errors.windows(2).map(|pair| (0.0, pair[1].1 - pair[0].1));
-    let steps: Vec<_> = steps.collect();
+    let steps: Vec<_> = errors.windows(2).map(|pair| (0.0, pair[1].1 - pair[0].1)).collect();
     assert!(worst(&steps) < 0.002, "{}", worst(&steps));
 }
 

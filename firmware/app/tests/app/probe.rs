@@ -27,8 +27,11 @@ fn ready() -> SteppedStylus {
 /// Loads `period` as a host does, and returns a request to play it `periods` times at 5 kHz.
 fn load(stylus: &SteppedStylus, period: &[i16], periods: u16) -> ProbeStart {
     for load in ProbeLoad::parts(period) {
-        let loaded = stylus.control.borrow_mut().load_probe(LINK, &load);
-        loaded.expect("nothing is played");
+        stylus
+            .control
+            .borrow_mut()
+            .load_probe(LINK, &load)
+            .expect("nothing is played");
     }
     ProbeStart::of(period, periods, 7.5)
 }
@@ -46,8 +49,9 @@ fn propose(stylus: &SteppedStylus, response: &Response) -> Result<u32, ResponseE
 }
 
 fn change_setting(stylus: &mut SteppedStylus, setting: Setting, value: f32) {
-    let changed = stylus.change_settings(&[change(setting, value)]);
-    changed.expect("in range, and nothing is played");
+    stylus
+        .change_settings(&[change(setting, value)])
+        .expect("in range, and nothing is played");
 }
 
 /// Runs one tick, with the keep-alives and polls of a host that is heard, and returns its codes.
@@ -88,8 +92,9 @@ fn check_codes(
     loop {
         let (now, muted, codes) = tick(stylus);
         let mut next = |n: usize| {
-            let at = now.checked_sub(started.first_tick);
-            let at = at.map(|tick| tick as usize * per_tick + n);
+            let at = now
+                .checked_sub(started.first_tick)
+                .map(|tick| tick as usize * per_tick + n);
             let at = at.filter(|&at| at < count);
             let sample = at.map_or(0, |at| period[at % period.len()]);
             let sample = OutputSample((f32::from(sample) * step) as i32);

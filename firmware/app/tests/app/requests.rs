@@ -190,8 +190,9 @@ fn the_status_tells_the_limits_of_the_pin_and_the_coil_that_are_in_force() {
         // The peak is a whole number of the converter's steps.
         let below = peak_volt - limits.peak_volt;
         assert!((-1e-6..DacCode::STEP.0).contains(&below), "{values:?}: {limits:?}");
-        let off = (limits.mean_square - mean_square).abs();
-        let off = off.max((limits.coil_watt - coil_watt).abs());
+        let off = (limits.mean_square - mean_square)
+            .abs()
+            .max((limits.coil_watt - coil_watt).abs());
         assert!(off < 1e-6, "{values:?}: {limits:?}");
         assert_eq!(limits.is_capped, is_capped, "{values:?}");
         // The reported limits are those of the tick, and stay the same while something plays at any gain.

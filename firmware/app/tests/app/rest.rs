@@ -17,8 +17,11 @@ fn library() -> Vec<u8> {
 }
 
 fn texture(bytes: &[u8]) -> Texture<'_> {
-    let library = Library::decode(bytes).expect("it was just written");
-    library.textures().next().expect("it has one")
+    Library::decode(bytes)
+        .expect("it was just written")
+        .textures()
+        .next()
+        .expect("it has one")
 }
 
 /// The path from the converter's code to the DAC's code, as in the image.
@@ -90,9 +93,9 @@ fn noise_at_rest_is_exact_silence_and_costs_what_silence_costs() {
             assert!(stylus.player.block().stages().is_empty());
         }
         // Once the hand presses, it is heard, so the silence was not that of a stylus that plays nothing.
-        let pressed = (0..100).flat_map(|_| stylus.block(3, || AdcCode(20_000)));
         assert!(
-            pressed
+            (0..100)
+                .flat_map(|_| stylus.block(3, || AdcCode(20_000)))
                 .collect::<Vec<_>>()
                 .iter()
                 .any(|&code| code != DacCode::MID_SCALE)

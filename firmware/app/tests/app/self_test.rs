@@ -121,8 +121,10 @@ fn an_upload_under_way_keeps_its_slot() {
     let mut stylus = SteppedStylus::boot();
     let bytes = library(1, 20, 1);
     stylus.request(async |storage, stage| {
-        let begun = storage.upload_begin(stage, announcement(&bytes)).await;
-        begun.expect("a slot is free");
+        storage
+            .upload_begin(stage, announcement(&bytes))
+            .await
+            .expect("a slot is free");
     });
     for slot in SlotId::ALL {
         let refused = measure(&mut stylus, flash(slot, true));

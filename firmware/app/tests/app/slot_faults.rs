@@ -19,12 +19,13 @@ use crate::update::polled;
 
 /// Uploads `bytes` like a device after its boot, and returns the slot that takes them.
 fn uploaded(flash: &mut SimulatedFlash<'_>, bytes: &[u8]) -> SlotId {
-    let committed = block_on(async {
+    block_on(async {
         let mut store = SlotStore::open(flash).await;
         store.set_active(store.newest());
         upload(&mut Uploader::new(), &mut store, bytes, MAX_CHUNK_BYTES).await
-    });
-    committed.expect("it is valid").slot
+    })
+    .expect("it is valid")
+    .slot
 }
 
 /// Flash after uploads of `libraries`, the first of them into slot A.
@@ -178,8 +179,7 @@ fn an_upload_is_numbered_above_a_library_that_cannot_be_read_now() {
     flash.memory.set_faulty(SLOT_BYTES);
     let mut store = block_on(SlotStore::open(&mut flash));
     assert_eq!(store.newest(), None);
-    let committed = block_on(upload(&mut Uploader::new(), &mut store, &new, 512));
-    let committed = committed.expect("slot B is free");
+    let committed = block_on(upload(&mut Uploader::new(), &mut store, &new, 512)).expect("slot B is free");
     assert_eq!((committed.slot, committed.sequence), (SlotId::B, 10));
 }
 

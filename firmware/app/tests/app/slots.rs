@@ -8,7 +8,7 @@ use stylus_app::slots::{SlotStore, WORD_BYTES};
 use stylus_app::upload::Uploader;
 
 use fake_stylus::flash::{Memory, SimulatedFlash};
-use fake_stylus::library::{announcement, library, small_texture, upload};
+use fake_stylus::library::{library, small_texture, upload};
 
 /// Flash with two libraries; the one in slot B is newer.
 fn two_libraries() -> (Memory, Vec<u8>, Vec<u8>) {
@@ -36,21 +36,6 @@ fn fault_of(store: &SlotStore<SimulatedFlash<'_>>, slot: SlotId) -> SlotFault {
 }
 
 #[test]
-fn the_newest_valid_slot_is_taken_and_uploads_go_to_the_other() {
-    let (memory, first, second) = two_libraries();
-    let mut store = opened(memory.clone());
-    assert_eq!(store.newest(), Some(SlotId::B));
-    assert_eq!(store.spare(), SlotId::A);
-    for (slot, bytes) in [(SlotId::A, &first), (SlotId::B, &second)] {
-        let library = store.library(slot).expect("both are valid");
-        assert_eq!(library.crc32, announcement(bytes).crc32);
-        assert_eq!(block_on(store.library_bytes(slot)), Ok(&bytes[..]));
-    }
-    store.set_active(Some(SlotId::A));
-    assert_eq!(store.spare(), SlotId::B, "what is played is never overwritten");
-}
-
-#[test]
 fn a_word_that_faults_makes_a_slot_invalid_wherever_it_is() {
     let (memory, _, second) = two_libraries();
     let offsets = [0, 32, second.len() / 2, second.len() - 1, MAX_LIBRARY_BYTES];
@@ -74,18 +59,6 @@ fn a_word_that_faults_makes_a_slot_invalid_wherever_it_is() {
     let mut memory = memory;
     memory.set_faulty(SLOT_BYTES + second.len().next_multiple_of(32));
     assert_eq!(opened(memory).newest(), Some(SlotId::B));
-}
-
-#[test]
-fn a_changed_bit_of_a_header_makes_its_slot_unfinished() {
-    let (memory, ..) = two_libraries();
-    for offset in 0..24 {
-        let mut memory = memory.clone();
-        for word in [0, WORD_BYTES] {
-            memory.flip_bit(SLOT_BYTES + MAX_LIBRARY_BYTES + word + offset);
-        }
-        assert_eq!(fault_of(&opened(memory), SlotId::B), SlotFault::Unfinished);
-    }
 }
 
 #[test]

@@ -52,8 +52,7 @@ fn follow(position_mm: impl Fn(f64) -> f64, seconds: f64, late: &[usize]) -> Fol
 fn errors(followed: &Followed, settled: f64, speed: impl Fn(f64) -> f64) -> [f64; 2] {
     let after: Vec<_> = followed.iter().filter(|(t, _)| *t > settled).collect();
     [0, 1].map(|of| {
-        let squares = after.iter();
-        let squares = squares.map(|(t, found)| (found[of] - speed(*t)).powi(2));
+        let squares = after.iter().map(|(t, found)| (found[of] - speed(*t)).powi(2));
         (squares.sum::<f64>() / after.len() as f64).sqrt()
     })
 }
@@ -77,8 +76,13 @@ fn delay(speed: f64, mm_s2: f64) -> [f64; 2] {
     let followed = follow(|t| speed * t + mm_s2 / 2.0 * t * t, 0.6, &[]);
     let after: Vec<_> = followed.iter().filter(|(t, _)| *t > 0.1).collect();
     [0, 1].map(|of| {
-        let behind = after.iter().map(|(t, found)| speed + mm_s2 * t - found[of]);
-        behind.sum::<f64>() / after.len() as f64 / mm_s2 * 1e3
+        after
+            .iter()
+            .map(|(t, found)| speed + mm_s2 * t - found[of])
+            .sum::<f64>()
+            / after.len() as f64
+            / mm_s2
+            * 1e3
     })
 }
 

@@ -39,8 +39,9 @@ impl Blocking<'_> {
         if self.0.fate.is_off() {
             return Err(NorFlashErrorKind::Other);
         }
-        let polled = polled(operation(&mut self.0));
-        polled.and_then(Result::ok).ok_or(NorFlashErrorKind::Other)
+        polled(operation(&mut self.0))
+            .and_then(Result::ok)
+            .ok_or(NorFlashErrorKind::Other)
     }
 }
 
@@ -200,8 +201,9 @@ fn edges(operations: &[Operation]) -> Vec<usize> {
             !RECORDS.contains(&offset) && (WORD_BYTES..SECTOR_BYTES - WORD_BYTES).contains(&at)
         }
     };
-    let numbers = operations.iter().enumerate();
-    numbers
+    operations
+        .iter()
+        .enumerate()
         .filter(|(_, operation)| !is_inner(operation))
         .map(|(number, _)| number)
         .collect()
@@ -211,10 +213,12 @@ fn edges(operations: &[Operation]) -> Vec<usize> {
 /// whole image is active and everything else is unchanged. Returns the flash, and true if the active image is the new
 /// one.
 fn survives(before: &Memory, cuts: &[(usize, Cut)], images: &Committed) -> (Memory, bool) {
-    let causes = iter::once(WATCHDOG).chain(iter::repeat(POWER_ON));
-    let after = causes.zip(cuts).fold(before.clone(), |memory, (cause, cut)| {
-        boot_after(cause, memory, Some(*cut)).0
-    });
+    let after = iter::once(WATCHDOG)
+        .chain(iter::repeat(POWER_ON))
+        .zip(cuts)
+        .fold(before.clone(), |memory, (cause, cut)| {
+            boot_after(cause, memory, Some(*cut)).0
+        });
     let (after, holds) = boot(after, None);
     let active = part(&after, ACTIVE);
     let is_new = active == images.new;
@@ -484,8 +488,9 @@ fn lives(banks: [Memory; 2], per_mille: u64, seed: u64, images: &Committed) -> b
         let mut stylus = SteppedStylus::boot_from(SimulatedFlash::new(slots));
         stylus.storage.set_updates(updates(memory, RUNNING));
         if start == 0 {
-            let confirm = stylus.request(async |storage, stage| storage.update_confirm(stage).await);
-            confirm.expect("it is on trial");
+            stylus
+                .request(async |storage, stage| storage.update_confirm(stage).await)
+                .expect("it is on trial");
         }
         // While the record reads as on trial, the slot cannot be given to the library.
         let is_given_up = start == 1 && stylus.upload(&library).is_ok();
@@ -510,8 +515,13 @@ fn a_confirmation_that_was_cut_at_its_very_end_costs_no_image() {
     let images = committed();
     let trial = on_trial(&images);
     for per_mille in [5, 10, 30, 100] {
-        let dead = (1..=55).filter(|&seed| !lives(trial.clone(), per_mille, seed, &images));
-        assert_eq!(dead.count(), 0, "of 55, at {per_mille} per mille");
+        assert_eq!(
+            (1..=55)
+                .filter(|&seed| !lives(trial.clone(), per_mille, seed, &images))
+                .count(),
+            0,
+            "of 55, at {per_mille} per mille"
+        );
     }
 }
 
@@ -552,8 +562,9 @@ fn update(stylus: &mut SteppedStylus, image: &[u8], begin: &UpdateBegin) -> Resu
 }
 
 fn state(stylus: &mut SteppedStylus) -> UpdateReport {
-    let state = stylus.request(async |storage, stage| storage.update_state(stage));
-    state.expect("it has a bootloader")
+    stylus
+        .request(async |storage, stage| storage.update_state(stage))
+        .expect("it has a bootloader")
 }
 
 #[test]
@@ -676,8 +687,9 @@ fn a_trial_ends_by_the_host_or_after_a_minute_of_health_and_an_unhealthy_one_res
         let erasing = measure(&mut stylus, flash(SlotId::B, true));
         assert_eq!(erasing, Err(SelfTestError::Uploading));
         if by_host {
-            let confirm = stylus.request(async |storage, stage| storage.update_confirm(stage).await);
-            confirm.expect("it is on trial");
+            stylus
+                .request(async |storage, stage| storage.update_confirm(stage).await)
+                .expect("it is on trial");
         } else {
             stylus.request(end);
             assert!(matches!(state(&mut stylus).phase, UpdatePhase::Trial { .. }));

@@ -49,11 +49,12 @@ pub fn codebook(samples: &[f64]) -> CodebookSpec {
 
 /// Samples of a codebook, in standard deviations.
 pub fn values(codebook: &CodebookSpec) -> Vec<f64> {
-    let blocks = codebook.blocks.as_chunks::<BLOCK_BYTES>().0;
-    let samples = blocks
+    codebook
+        .blocks
+        .as_chunks::<BLOCK_BYTES>()
+        .0
         .iter()
-        .flat_map(|block| (0..BLOCK_SAMPLES).map(|n| block_share(block, n)));
-    samples
+        .flat_map(|block| (0..BLOCK_SAMPLES).map(|n| block_share(block, n)))
         .map(|share| f64::from(codebook.peak) * f64::from(share) / 2f64.powi(30))
         .collect()
 }
@@ -62,8 +63,7 @@ pub fn values(codebook: &CodebookSpec) -> Vec<f64> {
 /// is the first half negated, so that there is no mean.
 pub fn impulsive(samples: usize) -> CodebookSpec {
     let pairs: Vec<f64> = gaussian(1).take(samples).collect();
-    let half = pairs.chunks(2).map(|x| x[0] * (0.3 + x[1].powi(2)));
-    let half: Vec<f64> = half.collect();
+    let half: Vec<f64> = pairs.chunks(2).map(|x| x[0] * (0.3 + x[1].powi(2))).collect();
     let negated = half.iter().map(|x| -x);
     codebook(&half.iter().copied().chain(negated).collect::<Vec<_>>())
 }
@@ -205,8 +205,7 @@ fn snippets_go_on_where_their_codebook_was_left() {
         is_near.then_some(level.round() as usize)
     };
     let texture = texture(&bytes);
-    let signal = excitation(&texture, 7).take(PASSES * pass);
-    let blocks: Vec<Option<usize>> = signal.map(block_of).collect();
+    let blocks: Vec<Option<usize>> = excitation(&texture, 7).take(PASSES * pass).map(block_of).collect();
     // A sample of noise has such a magnitude once in a while, but not ten in a row.
     let is_own: Vec<bool> = blocks.windows(10).map(|ten| ten.iter().all(Option::is_some)).collect();
     let changes = is_own.windows(2).filter(|pair| pair[0] != pair[1]).count();

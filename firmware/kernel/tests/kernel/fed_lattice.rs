@@ -113,6 +113,8 @@ fn a_tone_on_a_resonance_saturates_and_dies_away_after_it() {
     }
     assert!(power.sqrt() > 20.0, "{power}");
     assert!(largest <= 64.0, "{largest}");
-    let silence = (0..300_000).map(|_| state.filter::<Portable>(&[pole], 0));
-    assert_eq!(silence.last(), Some(0));
+    assert_eq!(
+        (0..300_000).map(|_| state.filter::<Portable>(&[pole], 0)).last(),
+        Some(0)
+    );
 }

@@ -48,8 +48,10 @@ fn choice() -> impl Strategy<Value = (u8, f32, u32)> {
 
 /// Mean of a quantity over the nodes with the weights of `point`, times [`ONE`].
 fn weighted(point: &GridPoint, quantity: impl Fn(usize, usize) -> f64) -> f64 {
-    let nodes = point.nodes.iter().zip(&point.weights);
-    nodes
+    point
+        .nodes
+        .iter()
+        .zip(&point.weights)
         .map(|(&(speed, force), &weight)| quantity(speed, force) * f64::from(weight))
         .sum()
 }

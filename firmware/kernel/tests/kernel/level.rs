@@ -58,9 +58,9 @@ proptest! {
         let powers = shares.map(|share| power(share, bits));
         let of = |speed: usize, force: usize| powers[2 * speed + force];
         let step = 2f64.powi(-(bits as i32));
-        let used = powers.iter().zip(point.weights).filter(|&(_, weight)| weight > 0);
         let terms: Vec<(f64, f64)> =
-            used.map(|(&p, weight)| (f64::from(p), f64::from(weight) / f64::from(ONE))).collect();
+            powers.iter().zip(point.weights).filter(|&(_, weight)| weight > 0)
+                .map(|(&p, weight)| (f64::from(p), f64::from(weight) / f64::from(ONE))).collect();
         let range = terms.iter().map(|(p, _)| rms_in_steps(*p as f32, bits));
         let (lowest, highest) = (range.clone().min().unwrap(), range.max().unwrap());
         for law in LevelLaw::ALL {

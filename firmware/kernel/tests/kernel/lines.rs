@@ -140,18 +140,20 @@ const OF_THREADS: Wander = Wander {
 #[test]
 fn a_wandering_line_is_a_function_of_the_place_and_its_harmonics_stay_locked() {
     let at_block_ends = |bytes: &[u8], position_mm: fn(f64) -> f64| -> Vec<(f64, f64)> {
-        let samples = played(only_texture(bytes), 2.0, position_mm);
-        let ends = samples.chunks_exact(BLOCK).enumerate().skip(2);
-        ends.map(|(number, block)| (position_mm(times(number)[1]), block[BLOCK - 1]))
+        played(only_texture(bytes), 2.0, position_mm)
+            .chunks_exact(BLOCK)
+            .enumerate()
+            .skip(2)
+            .map(|(number, block)| (position_mm(times(number)[1]), block[BLOCK - 1]))
             .collect()
     };
     let [one, two] = [0.85, 0.425].map(|wavelength_mm| wandering(wavelength_mm, OF_THREADS));
     let there = at_block_ends(&one, |t| 500.0 + 80.0 * t);
     let back = at_block_ends(&one, |t| 660.0 - 80.0 * (t + 4e-4));
     let same = there.iter().flat_map(|&(x, value)| {
-        let near = back.iter();
-        let near = near.filter(move |(other, _)| (x - other).abs() < 1e-6);
-        near.map(move |&(_, other)| value - other)
+        back.iter()
+            .filter(move |(other, _)| (x - other).abs() < 1e-6)
+            .map(move |&(_, other)| value - other)
     });
     let (mut compared, mut worst) = (0, 0.0f64);
     for off in same {
@@ -178,11 +180,14 @@ fn a_wandering_line_keeps_its_amplitude_while_its_phase_wanders() {
         .chunks_exact(100)
         .enumerate()
         .map(|(chunk, samples)| {
-            let terms = samples.iter().enumerate().map(|(n, sample)| {
-                let turns = speed / 0.85 * (BLOCK + 100 * chunk + n) as f64 / RATE;
-                [(TAU * turns).sin() * sample, (TAU * turns).cos() * sample]
-            });
-            terms.fold([0.0; 2], |[a, b], [c, d]| [a + c / 50.0, b + d / 50.0])
+            samples
+                .iter()
+                .enumerate()
+                .map(|(n, sample)| {
+                    let turns = speed / 0.85 * (BLOCK + 100 * chunk + n) as f64 / RATE;
+                    [(TAU * turns).sin() * sample, (TAU * turns).cos() * sample]
+                })
+                .fold([0.0; 2], |[a, b], [c, d]| [a + c / 50.0, b + d / 50.0])
         })
         .collect();
     let lengths: Vec<f64> = phasors.iter().map(|[a, b]| a.hypot(*b)).collect();

@@ -31,15 +31,16 @@ pub fn fixtures() -> Vec<Model> {
 
 /// The fixture of this name.
 pub fn fixture(name: &str) -> Model {
-    let found = fixtures().into_iter().find(|model| model.name == name);
-    found.expect("a fixture of this name")
+    fixtures()
+        .into_iter()
+        .find(|model| model.name == name)
+        .expect("a fixture of this name")
 }
 
 impl Model {
     /// Rotations of the lattice, as the kernel plays the model's node.
     pub fn rotations(&self) -> Vec<Rotation> {
-        let codes = theta_codes(&self.reflection);
-        codes.into_iter().map(rotation).collect()
+        theta_codes(&self.reflection).into_iter().map(rotation).collect()
     }
 
     /// A node with this output power, (m/s²)².
@@ -84,8 +85,11 @@ pub fn single(node: NodeSpec) -> Vec<u8> {
 
 /// The only texture of a library.
 pub fn texture(bytes: &[u8]) -> Texture<'_> {
-    let library = Library::decode(bytes).expect("a valid library");
-    library.textures().next().expect("a texture")
+    Library::decode(bytes)
+        .expect("a valid library")
+        .textures()
+        .next()
+        .expect("a texture")
 }
 
 /// A finite motion.

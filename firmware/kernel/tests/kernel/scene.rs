@@ -47,8 +47,7 @@ proptest! {
         steps in vec((any_motion(), 1u32..=UPDATE_INTERVAL_SAMPLES, 1usize..4), 1..30),
     ) {
         let bytes = library(&[]);
-        let decoded = Library::decode(&bytes).expect("a valid library");
-        for (index, texture) in decoded.textures().enumerate() {
+        for (index, texture) in Library::decode(&bytes).expect("a valid library").textures().enumerate() {
             let mut synthesis: Synthesis<'_> = Synthesis::new(texture, seed);
             let mut plain: ScenePlayer<'_> = ScenePlayer::new(Plan::of_texture(texture), seed);
             let mut scene = player(&bytes, &single(index as u8), seed);
@@ -220,8 +219,12 @@ fn scenes_are_exchanged_without_a_step_within_four_blocks() {
 fn the_worst_case_counts_what_can_sound_at_a_time_and_nothing_else() {
     let bytes = library(&[]);
     let items = |scene: &Scene| -> Vec<Item> {
-        let cost = plan(&bytes, scene).worst_case();
-        cost.terms().iter().map(|term| term.item).collect()
+        plan(&bytes, scene)
+            .worst_case()
+            .terms()
+            .iter()
+            .map(|term| term.item)
+            .collect()
     };
     let decoded = Library::decode(&bytes).expect("a valid library");
     let texture = decoded.textures().nth(2).expect("it is there");
@@ -348,11 +351,12 @@ fn a_tap_is_as_loud_wherever_between_two_updates_contact_falls() {
         let mut player = player(&bytes, &scene, 1);
         let contact = 100 + phase;
         let force = |n: u16| (f32::from(n.saturating_sub(contact)) * 0.01).min(0.3);
-        let blocks = (0..200u16).map(|index| force(index * UPDATE_INTERVAL_SAMPLES as u16));
-        let samples = blocks.flat_map(|force| {
-            let there = Interaction::new(motion(0.0, force), 0.0, force > 0.02);
-            block(&mut player, there.expect("all is finite"))
-        });
+        let samples = (0..200u16)
+            .map(|index| force(index * UPDATE_INTERVAL_SAMPLES as u16))
+            .flat_map(|force| {
+                let there = Interaction::new(motion(0.0, force), 0.0, force > 0.02);
+                block(&mut player, there.expect("all is finite"))
+            });
         peak(&samples.collect::<Vec<_>>())
     };
     let peaks: Vec<f64> = (0..10).map(peak_at).collect();

@@ -29,8 +29,7 @@ fn any_path() -> impl Strategy<Value = Path> {
 }
 
 fn power(located: &[Located]) -> u64 {
-    let squares = located.iter().map(|at| u64::from(at.weight).pow(2));
-    squares.sum()
+    located.iter().map(|at| u64::from(at.weight).pow(2)).sum()
 }
 
 proptest! {
@@ -56,9 +55,7 @@ proptest! {
         let textures = [0, 0, 0, 0, 0, 0];
         let path = Path::new(&side_by_side(&textures[..regions], width));
         let weight = |place: f32, surface: u8| {
-            let located = path.locate(place);
-            let found = located.iter().find(|at| at.surface == surface);
-            found.map_or(0.0, |at| f64::from(at.weight))
+            path.locate(place).iter().find(|at| at.surface == surface).map_or(0.0, |at| f64::from(at.weight))
         };
         for surface in 0..regions as u8 {
             let change = (weight(place + step, surface) - weight(place, surface)).abs();

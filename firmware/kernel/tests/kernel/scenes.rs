@@ -22,8 +22,10 @@ pub fn resonant(name: &str, hz: f64) -> TextureSpec {
 /// Two smooth textures, at 60 and 110 Hz, and two of order 400.
 pub fn textures() -> Vec<TextureSpec> {
     let long = |name| texture_of(name, &fixture(name).node(4.0));
-    let smooth = [resonant("slow", 60.0), resonant("quick", 110.0)];
-    smooth.into_iter().chain(["H3", "H1b"].map(long)).collect()
+    [resonant("slow", 60.0), resonant("quick", 110.0)]
+        .into_iter()
+        .chain(["H3", "H1b"].map(long))
+        .collect()
 }
 
 /// A library of [`textures`] and `scenes`.
@@ -107,8 +109,10 @@ pub fn block(player: &mut ScenePlayer<'_>, interaction: Interaction) -> Vec<f64>
 }
 
 pub fn largest_step(samples: &[f64]) -> f64 {
-    let steps = samples.windows(2).map(|pair| (pair[1] - pair[0]).abs());
-    steps.fold(0.0, f64::max)
+    samples
+        .windows(2)
+        .map(|pair| (pair[1] - pair[0]).abs())
+        .fold(0.0, f64::max)
 }
 
 pub fn peak(samples: &[f64]) -> f64 {

@@ -164,12 +164,10 @@ fn the_drawn_state_of_a_lattice_is_white_and_stays_so_whatever_its_coefficients(
             let codes = (0..STAGES as i32).map(|stage| (9_973 * (stage + 1) * (sample % 7 + 1)) as i16);
             let rotations: Vec<Rotation> = codes.map(rotation).collect();
             state.filter::<Portable>(&rotations, source.next_sample());
-            let loudest = state.backward(STAGES).iter().map(|g| g.unsigned_abs());
-            let loudest = loudest.max();
+            let loudest = state.backward(STAGES).iter().map(|g| g.unsigned_abs()).max();
             largest = largest.max(loudest.expect("some stages"));
         }
-        let signals = state.backward(STAGES).iter().map(|&g| f64::from(g) / unit);
-        let signals: Vec<f64> = signals.collect();
+        let signals: Vec<f64> = state.backward(STAGES).iter().map(|&g| f64::from(g) / unit).collect();
         for (square, signal) in squares.iter_mut().zip(&signals) {
             *square += signal * signal;
         }

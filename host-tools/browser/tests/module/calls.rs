@@ -42,14 +42,15 @@ fn state_at(wasm: &mut Wasm, speed_mm_s: f64, force_n: f64, position_mm: f64) ->
 #[test]
 fn the_place_on_the_grid_is_the_kernels() {
     let bytes = digest_library();
-    let texture = Library::decode(&bytes).expect("it is valid");
-    let texture = texture.texture_at(0).expect("there is one");
+    let texture = Library::decode(&bytes)
+        .expect("it is valid")
+        .texture_at(0)
+        .expect("there is one");
     let mut wasm = Wasm::with(&bytes);
     assert_eq!(wasm.call("choose_texture", (0u32, 0u32, 3u32, 0u32)), 0);
     for (speed, force) in [(75.0, 1.3), (10.0, 0.2), (500.0, 9.0), (-120.0, 2.0), (0.0, 1.0)] {
         let state = state_at(&mut wasm, speed, force, 5.0);
-        let motion = Motion::new(MillimetresPerSecond(speed as f32), Newton(force as f32));
-        let motion = motion.expect("it is finite");
+        let motion = Motion::new(MillimetresPerSecond(speed as f32), Newton(force as f32)).expect("it is finite");
         let point = GridPoint::locate(&texture, motion);
         let share = |steps: u32| f64::from(steps) / f64::from(ONE);
         assert_eq!((state[0], state[1], state[3]), (5.0, 1.0, 1.0));

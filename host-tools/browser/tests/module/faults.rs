@@ -104,10 +104,8 @@ fn every_refusal_names_its_fault_and_leaves_what_plays_as_it_is() {
         (along(infinite, infinite), "position is infinite"),
     ] {
         // The fault is in the last block, and no block before it may be played.
-        let error = wasm.run(&[rubbed, rubbed, wrong]);
-        let error = error.expect_err("it is refused");
-        let is_told = error.contains("block 2") && error.contains(words);
-        assert!(is_told, "{error}");
+        let error = wasm.run(&[rubbed, rubbed, wrong]).expect_err("it is refused");
+        assert!(error.contains("block 2") && error.contains(words), "{error}");
         assert_eq!(wasm.call("run", 3u32), 8);
     }
     assert_eq!(

@@ -44,8 +44,7 @@ fn motion() -> impl Strategy<Value = BlockMotion> {
 fn motions() -> impl Strategy<Value = Vec<BlockMotion>> {
     let held = (motion(), 1usize..12);
     prop::collection::vec(held, 1..16).prop_map(|held| {
-        let repeated = held.into_iter();
-        repeated
+        held.into_iter()
             .flat_map(|(motion, times)| std::iter::repeat_n(motion, times))
             .collect()
     })

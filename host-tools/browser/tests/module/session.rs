@@ -32,8 +32,9 @@ fn played(session: &mut Session<'_>, motions: &[BlockMotion]) -> Vec<OutputSampl
 }
 
 fn choose(session: &mut Session<'_>, texture: usize, seed: u64) {
-    let chosen = session.choose(Selection::Texture(texture), Without::default(), seed);
-    chosen.expect("it is there");
+    session
+        .choose(Selection::Texture(texture), Without::default(), seed)
+        .expect("it is there");
 }
 
 #[test]
@@ -88,8 +89,11 @@ fn a_choice_while_something_sounds_fades_and_then_plays_from_its_seed() {
     assert_eq!(after[BLOCK..], expected[..expected.len() - BLOCK]);
     // The fade is that of the texture before: no step is larger than those of its playing.
     let steps = |words: &[OutputSample]| {
-        let pairs = words.windows(2).map(|pair| pair[0].0.abs_diff(pair[1].0));
-        pairs.max().unwrap_or(0)
+        words
+            .windows(2)
+            .map(|pair| pair[0].0.abs_diff(pair[1].0))
+            .max()
+            .unwrap_or(0)
     };
     let fade: Vec<OutputSample> = before[before.len() - 1..]
         .iter()

@@ -9,8 +9,7 @@ use wasmi::{Engine, Instance, Linker, Memory, Module, Store, WasmParams};
 static MODULE: LazyLock<(Engine, Module)> = LazyLock::new(|| {
     let kept = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../report/src/rub_page/kernel.wasm");
     let path = std::env::var_os("STYLUS_BROWSER_MODULE").map_or(kept, PathBuf::from);
-    let bytes = std::fs::read(&path);
-    let bytes = bytes.unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    let bytes = std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     let engine = Engine::default();
     let module = Module::new(&engine, &bytes[..]).expect("it is a valid module");
     (engine, module)
@@ -28,8 +27,9 @@ impl Wasm {
         let (engine, module) = &*MODULE;
         let mut store = Store::new(engine, ());
         let linker = <Linker<()>>::new(engine);
-        let instance = linker.instantiate_and_start(&mut store, module);
-        let instance = instance.expect("the module imports nothing");
+        let instance = linker
+            .instantiate_and_start(&mut store, module)
+            .expect("the module imports nothing");
         let memory = instance.get_memory(&store, "memory");
         let memory = memory.expect("the memory is exported");
         Self {
@@ -50,8 +50,9 @@ impl Wasm {
     pub fn load(&mut self, library: &[u8]) -> u32 {
         let at = self.call("reserve", library.len() as u32);
         assert_ne!(at, 0, "{}", self.text());
-        let written = self.memory.write(&mut self.store, at as usize, library);
-        written.expect("there is room");
+        self.memory
+            .write(&mut self.store, at as usize, library)
+            .expect("there is room");
         self.call("load", ())
     }
 
@@ -60,9 +61,12 @@ impl Wasm {
     }
 
     pub fn try_call(&mut self, name: &str, arguments: impl WasmParams) -> Result<u32, wasmi::Error> {
-        let function = self.instance.get_typed_func::<_, i32>(&self.store, name);
-        let function = function.unwrap_or_else(|error| panic!("{name}: {error}"));
-        Ok(function.call(&mut self.store, arguments)?.cast_unsigned())
+        Ok(self
+            .instance
+            .get_typed_func::<_, i32>(&self.store, name)
+            .unwrap_or_else(|error| panic!("{name}: {error}"))
+            .call(&mut self.store, arguments)?
+            .cast_unsigned())
     }
 
     pub fn text(&mut self) -> String {
@@ -92,11 +96,13 @@ impl Wasm {
 
     pub fn set_motion(&mut self, motions: &[BlockMotion]) {
         let at = self.call("motion", ()) as usize;
-        let numbers = motions.iter().flat_map(|motion| motion.numbers());
-        let bytes: Vec<u8> = numbers.flat_map(f64::to_le_bytes).collect();
+        let bytes: Vec<u8> = motions
+            .iter()
+            .flat_map(|motion| motion.numbers())
+            .flat_map(f64::to_le_bytes)
+            .collect();
         assert_eq!(bytes.len(), 8 * BLOCK_NUMBERS * motions.len());
-        let written = self.memory.write(&mut self.store, at, &bytes);
-        written.expect("there is room");
+        self.memory.write(&mut self.store, at, &bytes).expect("there is room");
     }
 
     /// Plays `motions`; the words.

@@ -59,8 +59,9 @@ fn filling_and_moving_allocate_and_free_nothing_while_libraries_change() {
                 // A library that nothing holds but what plays.
                 let library = SharedLibrary::decode(digest_library()).expect("it is valid");
                 let selection = Selection::Texture(0);
-                let chosen = mover.choose(&library, selection, Without::default(), seed);
-                chosen.expect("it is there");
+                mover
+                    .choose(&library, selection, Without::default(), seed)
+                    .expect("it is there");
                 if seed % 5 == 0 {
                     mover.stop();
                 }

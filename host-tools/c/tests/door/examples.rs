@@ -11,13 +11,17 @@ use model_format::Library;
 
 /// The folder of the tests' programs, which has the libraries too.
 pub fn libraries() -> PathBuf {
-    let test = std::env::current_exe().expect("it runs");
-    test.parent().expect("it is in a folder").to_owned()
+    std::env::current_exe()
+        .expect("it runs")
+        .parent()
+        .expect("it is in a folder")
+        .to_owned()
 }
 
 pub fn run(command: &mut Command) -> String {
-    let output = command.output();
-    let output = output.unwrap_or_else(|error| panic!("{command:?}: {error}; install a C and C++ compiler"));
+    let output = command
+        .output()
+        .unwrap_or_else(|error| panic!("{command:?}: {error}; install a C and C++ compiler"));
     let told = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{command:?}: {}\n{told}", output.status);
     String::from_utf8_lossy(&output.stdout).into_owned()
@@ -73,8 +77,9 @@ fn a_stroke_by_the_example_in_c_has_the_bits_of_render() {
         .arg(&wav));
     let path = MotionPath::from_csv(&motion).expect("it is a motion");
     let rendering = Rendering::new(texture, &path, 2.0, 1).expect("it is short");
-    let rendered = rendering.flat_map(|word| word.metres_per_second_squared().0.to_le_bytes());
-    let rendered: Vec<u8> = rendered.collect();
+    let rendered: Vec<u8> = rendering
+        .flat_map(|word| word.metres_per_second_squared().0.to_le_bytes())
+        .collect();
     let played = std::fs::read(wav).expect("it was written");
     let (header, played) = played.split_at(44);
     assert_eq!(&header[36..40], b"data");

@@ -21,10 +21,14 @@ fn config() -> Config {
 fn made(config: Config) -> String {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut bytes = Vec::new();
-    let sources = cbindgen::Builder::new().with_src(folder.join("src/exports.rs"));
-    let sources = sources.with_src(folder.join("src/status.rs"));
-    let bindings = sources.with_config(config).generate().expect("the sources are read");
-    bindings.write(&mut bytes);
+    let sources = cbindgen::Builder::new()
+        .with_src(folder.join("src/exports.rs"))
+        .with_src(folder.join("src/status.rs"));
+    sources
+        .with_config(config)
+        .generate()
+        .expect("the sources are read")
+        .write(&mut bytes);
     String::from_utf8(bytes).expect("the sources are")
 }
 
@@ -64,8 +68,7 @@ fn the_kept_header_is_that_of_the_sources() {
 fn an_interface_keeps_its_number_only_while_its_declarations_stay() {
     let (file, made) = (format!("tests/door/abi-{STYLUS_PLAYER_ABI}.h"), declarations());
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(&file);
-    let before = std::fs::read_to_string(path).unwrap_or_default();
-    for declaration in before.trim().split("\n\n") {
+    for declaration in std::fs::read_to_string(path).unwrap_or_default().trim().split("\n\n") {
         assert!(
             made.contains(declaration),
             "callers rely on this, which has changed: raise STYLUS_PLAYER_ABI, and rename {file}\n{declaration}"
@@ -86,7 +89,9 @@ fn the_shared_library_exports_the_functions_of_the_header_alone() {
     let exported: BTreeSet<_> = told.lines().filter_map(|line| line.split(' ').next()).collect();
     let made = declarations();
     // A function's name stands before its bracket.
-    let heads = made.match_indices('(').map(|(end, _)| &made[..end]);
-    let declared = heads.filter_map(|head| head.rsplit([' ', '*', '\n']).next());
+    let declared = made
+        .match_indices('(')
+        .map(|(end, _)| &made[..end])
+        .filter_map(|head| head.rsplit([' ', '*', '\n']).next());
     assert_eq!(exported, declared.collect());
 }

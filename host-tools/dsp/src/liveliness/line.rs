@@ -75,8 +75,8 @@ pub(super) fn range_db(blocks: &[&[f64]], rate_hz: f64, near_hz: f64) -> Option<
         .flat_map(|block| block.windows(window).step_by((window / 2).max(1)));
     let powers: Vec<f64> = windows
         .map(|part| {
-            let spectrum = PowerSpectrum::of_blocks(&[part], window, rate_hz);
-            spectrum.power_between(line_hz - HALF_BAND_HZ, line_hz + HALF_BAND_HZ)
+            PowerSpectrum::of_blocks(&[part], window, rate_hz)
+                .power_between(line_hz - HALF_BAND_HZ, line_hz + HALF_BAND_HZ)
         })
         .collect();
     let highest = powers.iter().copied().fold(0.0, f64::max);

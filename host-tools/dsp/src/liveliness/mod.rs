@@ -154,8 +154,11 @@ fn modulation(blocks: &[&[f64]], rate_hz: f64) -> Option<f64> {
 /// windows.
 fn spread_db(blocks: &[&[f64]], rate_hz: f64) -> Option<f64> {
     let window = window_samples(rate_hz)?;
-    let windows = blocks.iter().flat_map(|block| block.chunks_exact(window));
-    let powers: Vec<f64> = windows.map(|w| mean_square(w.iter(), window)).collect();
+    let powers: Vec<f64> = blocks
+        .iter()
+        .flat_map(|block| block.chunks_exact(window))
+        .map(|w| mean_square(w.iter(), window))
+        .collect();
     let count = powers.len() as f64;
     let floor = FLOOR * powers.iter().sum::<f64>() / count;
     let levels: Vec<f64> = powers.iter().map(|power| 10.0 * power.max(floor).log10()).collect();

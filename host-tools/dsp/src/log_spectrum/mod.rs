@@ -54,16 +54,4 @@ impl LogSpectrum {
         let fraction = bin - below as f64;
         self.0[below] + (self.0[below + 1] - self.0[below]) * fraction
     }
-
-    /// Returns the power between two fractional bins of [`BINS`], up to a constant factor.
-    pub fn power_between(&self, low: f64, high: f64) -> f64 {
-        let first = low.round().max(0.0) as usize;
-        let last = (high.round() as usize).min(BINS - 1);
-        (first..=last)
-            .map(|bin| {
-                let share = (bin as f64 + 0.5).min(high) - (bin as f64 - 0.5).max(low);
-                self.values()[bin].exp() * share.max(0.0)
-            })
-            .sum()
-    }
 }

@@ -1,16 +1,11 @@
 //! Conversions between models and spectra.
 
-use super::{BINS, LogSpectrum};
+use super::LogSpectrum;
 use crate::fourier::{self, Complex};
 use crate::linear_prediction::{Prediction, corrected, error_share, step_up};
 use crate::model::Model;
 
 impl LogSpectrum {
-    /// Returns the spectrum of the output of `model`, which must not be silent, at [`BINS`] frequencies.
-    pub fn of_model(model: &Model) -> Self {
-        Self::of_model_at(model, BINS)
-    }
-
     /// Returns the spectrum of the output of `model`, which must not be silent, at `bins` frequencies. Their number
     /// must exceed the model's order.
     pub fn of_model_at(model: &Model, bins: usize) -> Self {
@@ -62,7 +57,7 @@ fn denominator(model: &Model, bins: usize) -> Vec<Complex<f64>> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::FINE_BINS;
+    use super::super::{BINS, FINE_BINS};
     use super::*;
     use proptest::prelude::*;
 
@@ -88,7 +83,7 @@ mod tests {
             reflection in prop::collection::vec(-0.9f64..0.9, 0..30), power in 0.01f64..100.0,
         ) {
             let model = Model::new(reflection, power);
-            let spectrum = LogSpectrum::of_model(&model);
+            let spectrum = LogSpectrum::of_model_at(&model, BINS);
             let density = density_of_model(&model, BINS);
             prop_assert_eq!(density.len(), spectrum.values().len());
             for (density, log) in density.iter().zip(spectrum.values()) {

@@ -181,8 +181,10 @@ impl MeasuredResponse {
             (powers.sum::<f64>().max(0.0) / bins.len() as f64 / power).sqrt()
         };
         let last = wave.lines[wave.lines.len() - 1];
-        let even = (wave.lines[0]..last).step_by(2);
-        let even: Vec<usize> = even.filter(|bin| !wave.lines.contains(bin)).collect();
+        let even: Vec<usize> = (wave.lines[0]..last)
+            .step_by(2)
+            .filter(|bin| !wave.lines.contains(bin))
+            .collect();
         Some(Self {
             even: left_out(&even),
             odd: left_out(&wave.left_out),

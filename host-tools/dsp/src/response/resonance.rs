@@ -70,13 +70,15 @@ impl Fit {
         }
         // Above all poles, the model's level is its gain.
         let top = lines[lines.len() - 1].value.norm().ln();
-        let starts = STARTS_HZ.into_iter().flat_map(|hz| [(hz, true), (hz, false)]);
-        let fits = starts.map(|(hz, is_positive)| {
-            let [hand, own, passed] = [14.0, hz, 4.0].map(|hz| (TAU * hz).ln());
-            let start = [top, hand, 0.3f64.ln(), own, 0.3f64.ln(), passed, START_MS, 0.0];
-            (is_positive, refined(&lines, is_positive, Unknowns::from(start)))
-        });
-        let (is_positive, (error, mut unknowns, mut jacobian)) = fits.min_by(|a, b| a.1.0.total_cmp(&b.1.0))?;
+        let (is_positive, (error, mut unknowns, mut jacobian)) = STARTS_HZ
+            .into_iter()
+            .flat_map(|hz| [(hz, true), (hz, false)])
+            .map(|(hz, is_positive)| {
+                let [hand, own, passed] = [14.0, hz, 4.0].map(|hz| (TAU * hz).ln());
+                let start = [top, hand, 0.3f64.ln(), own, 0.3f64.ln(), passed, START_MS, 0.0];
+                (is_positive, refined(&lines, is_positive, Unknowns::from(start)))
+            })
+            .min_by(|a, b| a.1.0.total_cmp(&b.1.0))?;
         if unknowns[1] > unknowns[3] {
             // The resonance is the pair of higher frequency.
             for at in [1, 2] {

@@ -156,8 +156,10 @@ impl PowerSpectrum {
 
     /// Frequencies, Hz, and the one-sided density at each.
     pub fn densities(&self) -> impl Iterator<Item = (f64, f64)> {
-        let bins = self.density.iter().enumerate();
-        bins.map(|(bin, density)| (bin as f64 * self.step_hz, *density))
+        self.density
+            .iter()
+            .enumerate()
+            .map(|(bin, density)| (bin as f64 * self.step_hz, *density))
     }
 
     /// Returns the equivalent number of independent averages in the power of Gaussian noise between two frequencies.
@@ -215,8 +217,9 @@ impl PowerSpectrum {
     ///
     /// The first bin starts at 0 Hz and the last one ends at half the sample rate; there is no power beyond.
     pub fn power_between(&self, low_hz: f64, high_hz: f64) -> f64 {
-        let bins = self.shares(low_hz, high_hz);
-        bins.map(|(index, share)| self.density[index] * share).sum()
+        self.shares(low_hz, high_hz)
+            .map(|(index, share)| self.density[index] * share)
+            .sum()
     }
 
     /// Returns each bin between two frequencies, with the width of its part that lies between them, Hz.

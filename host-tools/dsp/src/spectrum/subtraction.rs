@@ -57,8 +57,11 @@ fn shares_and_rest(whole: &PowerSpectrum, noise: &PowerSpectrum) -> [PowerSpectr
         if *all > 0.0 { (taken / all).min(1.0) } else { 0.0 }
     };
     let shares: Vec<f64> = densities().map(share).collect();
-    let rest = whole.density.iter().zip(&shares);
-    let rest = rest.map(|(all, share)| all * (1.0 - share).max(LEAST_SHARE));
+    let rest = whole
+        .density
+        .iter()
+        .zip(&shares)
+        .map(|(all, share)| all * (1.0 - share).max(LEAST_SHARE));
     // Cumulative sums, up to each bin, of the weights and of the weighted values.
     let mut sums = vec![(0.0, 0.0)];
     for (rest, share) in rest.zip(&shares) {

@@ -87,8 +87,9 @@ mod tests {
             for core in [Core::M4, Core::M7] {
                 for nodes in [1, 4] {
                     for order in super::super::ORDERS {
-                        let cost = Costs::measured().at(structure, nodes, core, order);
-                        let cost = cost.unwrap_or_else(|| panic!("{structure}, {nodes} nodes, {core}, order {order}"));
+                        let cost = Costs::measured()
+                            .at(structure, nodes, core, order)
+                            .unwrap_or_else(|| panic!("{structure}, {nodes} nodes, {core}, order {order}"));
                         let sample = cost.sample;
                         assert!(sample.instructions > 0.0);
                         // A Cortex-M7 issues up to two instructions per cycle.
@@ -104,8 +105,11 @@ mod tests {
     fn what_a_sample_costs_rises_with_the_order() {
         for structure in Structure::ALL {
             let worst = |order| {
-                let cost = Costs::measured().at(structure, 4, Core::M4, order).unwrap();
-                cost.sample.cycles
+                Costs::measured()
+                    .at(structure, 4, Core::M4, order)
+                    .unwrap()
+                    .sample
+                    .cycles
             };
             for order in 0..400 {
                 assert!(worst(order) <= worst(order + 1), "{structure} at {order}");

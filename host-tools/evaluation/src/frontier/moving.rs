@@ -47,8 +47,10 @@ impl Rub {
     /// Creates a rub over the whole grid of `texture`, except its nodes at rest and without contact.
     pub fn over(texture: &Texture<'_>) -> Self {
         let span = |axis: model_format::Axis<'_>| {
-            let values = (0..axis.len()).map(|index| f64::from(axis.value(index)));
-            let positive: Vec<f64> = values.filter(|&value| value > 0.0).collect();
+            let positive: Vec<f64> = (0..axis.len())
+                .map(|index| f64::from(axis.value(index)))
+                .filter(|&value| value > 0.0)
+                .collect();
             let low = positive.first().copied().unwrap_or(0.0);
             let high = positive.last().copied().unwrap_or(0.0);
             (f64::midpoint(low, high), (high - low) / 2.0)
@@ -208,8 +210,8 @@ pub fn play(
 fn frames(signal: &[f64]) -> Frames {
     let rate_hz = f64::from(SAMPLE_RATE_HZ);
     let length = (FRAME_S * rate_hz) as usize;
-    let begins = (length..=signal.len() - length).step_by(length / 2);
-    begins
+    (length..=signal.len() - length)
+        .step_by(length / 2)
         .map(|begin| band_powers(&signal[begin..begin + length], rate_hz))
         .collect()
 }

@@ -140,8 +140,7 @@ impl Predictors {
 /// exponent.
 fn rounded(predictor: &[f64], bits: u32) -> Vec<f64> {
     let step = 2f64.powi(exponent_of(predictor, bits) + 1 - bits as i32);
-    let taps = predictor.iter();
-    taps.map(|h| (h / step).round() * step).collect()
+    predictor.iter().map(|h| (h / step).round() * step).collect()
 }
 
 /// Returns the least exponent at which the codes of `predictor` fit into their words of `bits` bits, and their sum into

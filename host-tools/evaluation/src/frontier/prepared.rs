@@ -63,8 +63,7 @@ impl Prepared {
         let recordings = fit::read(&material.fit, &highest_order, Part::Whole, 0, &progress)?;
         let fit_at = |order| fit::models(&material.fit, &recordings, &at(order));
         let highest = fit_at(Order::Fixed(model_format::limits::MAX_ORDER))?;
-        let names = highest.textures.iter().map(|texture| texture.name.clone());
-        let names: Vec<String> = names.collect();
+        let names: Vec<String> = highest.textures.iter().map(|texture| texture.name.clone()).collect();
         let grids = |fit: &fit::Fit| -> Vec<Grid> {
             let without_parts = |texture: &FittedTexture| Grid {
                 parts: PartsSpec::default(),
@@ -79,8 +78,10 @@ impl Prepared {
                 let mut grids = grids(&highest);
                 // In the Levinson-Durbin recursion, a model of lower order is the first stages of a model of higher
                 // order.
-                let models = grids.iter_mut().flat_map(|grid| &mut grid.models);
-                models.for_each(|model| model.reflection.truncate(order));
+                grids
+                    .iter_mut()
+                    .flat_map(|grid| &mut grid.models)
+                    .for_each(|model| model.reflection.truncate(order));
                 Fitted::new(Order::Fixed(order), grids)
             })
             .collect();
@@ -125,15 +126,17 @@ impl Prepared {
                     Some(take) => {
                         let other = fit::signal(take, options.conditioning)?.samples;
                         let cost = spectrum::spectral_cost(&signal, &other, rate_hz, options.smoothing_hz);
-                        let bands = spectrum::band_errors_db(&signal, &other, rate_hz);
-                        let bands: Vec<f64> = bands.into_iter().flatten().collect();
+                        let bands: Vec<f64> = spectrum::band_errors_db(&signal, &other, rate_hz)
+                            .into_iter()
+                            .flatten()
+                            .collect();
                         cost.map(|cost| (cost, mean_square(&bands)))
                     }
                     None => None,
                 };
                 Ok(((texture, node, signal), between))
-            });
-        let read = read.collect::<Result<Vec<_>>>()?;
+            })
+            .collect::<Result<Vec<_>>>()?;
         let takes: Vec<(f64, f64)> = read.iter().filter_map(|(_, between)| *between).collect();
         let count = takes.len() as f64;
         self.take_cost = takes.iter().map(|take| take.0).sum::<f64>() / count;
@@ -160,8 +163,11 @@ impl Prepared {
 
 impl Fitted {
     fn new(order: Order, grids: Vec<Grid>) -> Self {
-        let models = grids.iter().flat_map(|grid| &grid.models);
-        let highest = models.map(|model| model.reflection.len()).max();
+        let highest = grids
+            .iter()
+            .flat_map(|grid| &grid.models)
+            .map(|model| model.reflection.len())
+            .max();
         Self {
             order,
             highest_order: highest.unwrap_or(0),

@@ -162,9 +162,11 @@ impl Frontier {
         let front = self.front();
         let places = front.iter().map(|point| (point.cycles, point.total_error_db));
         let knee = knee(&places.collect::<Vec<_>>());
-        let chosen = knee.map(|knee| [("thrifty", 0), ("knee", knee), ("finest", front.len() - 1)]);
-        let chosen = chosen.into_iter().flatten();
-        chosen.map(|(name, index)| (name, front[index])).collect()
+        knee.map(|knee| [("thrifty", 0), ("knee", knee), ("finest", front.len() - 1)])
+            .into_iter()
+            .flatten()
+            .map(|(name, index)| (name, front[index]))
+            .collect()
     }
 
     /// The answer in three sentences.
@@ -196,8 +198,7 @@ impl Frontier {
 
     /// The three choices as a table.
     pub fn choice_table(&self) -> Table {
-        let choices = self.choices().into_iter();
-        let choices = choices.map(|(name, point)| (name.to_owned(), point));
+        let choices = self.choices().into_iter().map(|(name, point)| (name.to_owned(), point));
         self.table("Three choices on the Pareto front", "choice", choices)
     }
 

@@ -54,8 +54,10 @@ impl Prepared {
             let still = self.still(structure, fitted, options, &progress)?;
             let hard = self.hard(structure, fitted.highest_order, &progress)?;
             let libraries = self.libraries(structure, fitted);
-            let held = libraries.iter().zip(&self.names);
-            let refused = held.filter(|(library, _)| library.is_none());
+            let refused = libraries
+                .iter()
+                .zip(&self.names)
+                .filter(|(library, _)| library.is_none());
             let cost = |core| known_cost(structure, fitted.highest_order, core);
             let filter = Filter {
                 structure,
@@ -102,15 +104,17 @@ impl Prepared {
     /// Computes the levels of the float64 reference during each texture's rub, by choice of the order.
     fn references(&self, seed: u64, progress: &(impl Fn() + Sync)) -> Result<Vec<Vec<Frames>>> {
         let of = |fitted: &Fitted| {
-            let frames = (0..self.names.len()).into_par_iter().map(|texture| {
-                let bytes = self.library(fitted, texture)?;
-                let library = decoded(&bytes)?;
-                let texture = library.textures().next().expect("one was encoded");
-                let frames = moving::reference(&texture, seed);
-                progress();
-                Ok(frames)
-            });
-            frames.collect::<Result<Vec<Frames>>>()
+            (0..self.names.len())
+                .into_par_iter()
+                .map(|texture| {
+                    let bytes = self.library(fitted, texture)?;
+                    let library = decoded(&bytes)?;
+                    let texture = library.textures().next().expect("one was encoded");
+                    let frames = moving::reference(&texture, seed);
+                    progress();
+                    Ok(frames)
+                })
+                .collect::<Result<Vec<Frames>>>()
         };
         self.fitted.iter().map(of).collect()
     }
@@ -149,14 +153,16 @@ impl Prepared {
     }
 
     fn hard(&self, structure: Structure, order: usize, progress: &(impl Fn() + Sync)) -> Result<HardCases> {
-        let verdicts = self.cases.par_iter().map(|case| {
-            let verdict = hard::play(&hard::of_order(case, order), structure);
-            progress();
-            verdict
-        });
-        let verdicts = verdicts.collect::<Result<Vec<Verdict>>>()?;
-        let names = self.cases.iter().map(|case| case.name.as_str());
-        let named: Vec<(&str, Verdict)> = names.zip(verdicts).collect();
+        let verdicts = self
+            .cases
+            .par_iter()
+            .map(|case| {
+                let verdict = hard::play(&hard::of_order(case, order), structure);
+                progress();
+                verdict
+            })
+            .collect::<Result<Vec<Verdict>>>()?;
+        let named: Vec<(&str, Verdict)> = self.cases.iter().map(|case| case.name.as_str()).zip(verdicts).collect();
         Ok(hard::summarise(&named))
     }
 
@@ -166,11 +172,12 @@ impl Prepared {
         let libraries = textures.map(|texture| {
             // The references were made of the same libraries, so none of them fails here.
             let bytes = self.library(fitted, texture).ok()?;
-            let holds = decoded(&bytes).is_ok_and(|library| {
-                let mut textures = library.textures();
-                textures.all(|texture| predictors(structure, &texture).is_ok())
-            });
-            holds.then_some(bytes)
+            decoded(&bytes)
+                .is_ok_and(|library| {
+                    let mut textures = library.textures();
+                    textures.all(|texture| predictors(structure, &texture).is_ok())
+                })
+                .then_some(bytes)
         });
         libraries.collect()
     }
@@ -193,37 +200,40 @@ fn rubbed(
     let runs = INTERVALS
         .into_par_iter()
         .flat_map_iter(|interval| (0..libraries.len()).map(move |texture| (interval, texture)));
-    let moved = runs.map(|(interval, texture)| {
-        let moved = match &libraries[texture] {
-            None => Ok(None),
-            Some(bytes) => decoded(bytes).map(|library| {
-                let played = library.textures().next().expect("one was encoded");
-                let reference = &references[texture];
-                moving::play(filter.structure, played, reference, interval, seed).ok()
-            }),
-        };
-        progress();
-        moved
-    });
-    let moved = moved.collect::<Result<Vec<Option<Moving>>>>()?;
+    let moved = runs
+        .map(|(interval, texture)| {
+            let moved = match &libraries[texture] {
+                None => Ok(None),
+                Some(bytes) => decoded(bytes).map(|library| {
+                    let played = library.textures().next().expect("one was encoded");
+                    let reference = &references[texture];
+                    moving::play(filter.structure, played, reference, interval, seed).ok()
+                }),
+            };
+            progress();
+            moved
+        })
+        .collect::<Result<Vec<Option<Moving>>>>()?;
     // Parallel iterators keep the order, so the textures of an interval follow each other.
-    let of_intervals = moved.chunks(libraries.len());
-    let points = of_intervals.zip(INTERVALS).map(|(moved, interval)| {
-        let moved = moved.iter().flatten().copied().reduce(Moving::and);
-        let error_db = moved.map_or(f64::NAN, |moved| moved.band_error_db());
-        Point {
-            filter: index,
-            interval,
-            motion_error_db: error_db,
-            motion_within_jnd: moved.map_or(f64::NAN, |moved| moved.bands_within_jnd()),
-            total_error_db: error_db.hypot(filter.still.band_error_db),
-            saturations: moved.map_or(0, |moved| moved.saturations),
-            cycles: cycles(&filter.m7, moved.as_ref(), interval),
-            on_front: false,
-            on_safe_front: false,
-        }
-    });
-    Ok(points.collect())
+    Ok(moved
+        .chunks(libraries.len())
+        .zip(INTERVALS)
+        .map(|(moved, interval)| {
+            let moved = moved.iter().flatten().copied().reduce(Moving::and);
+            let error_db = moved.map_or(f64::NAN, |moved| moved.band_error_db());
+            Point {
+                filter: index,
+                interval,
+                motion_error_db: error_db,
+                motion_within_jnd: moved.map_or(f64::NAN, |moved| moved.bands_within_jnd()),
+                total_error_db: error_db.hypot(filter.still.band_error_db),
+                saturations: moved.map_or(0, |moved| moved.saturations),
+                cycles: cycles(&filter.m7, moved.as_ref(), interval),
+                on_front: false,
+                on_safe_front: false,
+            }
+        })
+        .collect())
 }
 
 /// Returns the cycles per sample, including updates. An update that stays in its cell takes a fraction of the cycles of

@@ -102,8 +102,10 @@ pub fn play(structure: Structure, bytes: &[u8], recording: &[f64], playing: &Pla
         }
     }
     let played = &synthesis[warm_up..];
-    let errors = spectrum::band_errors_db(recording, played, rate_hz);
-    let errors: Vec<f64> = errors.into_iter().flatten().collect();
+    let errors: Vec<f64> = spectrum::band_errors_db(recording, played, rate_hz)
+        .into_iter()
+        .flatten()
+        .collect();
     let within = errors.iter().filter(|error| error.abs() <= AMPLITUDE_JND_DB);
     Ok(Some(Node {
         cost: spectrum::spectral_cost(recording, played, rate_hz, playing.smoothing_hz),

@@ -96,8 +96,10 @@ impl<'a> Prepared<'a> {
     }
 
     pub(super) fn targets(&self) -> Vec<Target> {
-        let trials = self.set.trials.iter().enumerate();
-        trials
+        self.set
+            .trials
+            .iter()
+            .enumerate()
             .filter_map(|(index, trial)| {
                 let texture = self.textures.iter().position(|t| t.name == trial.texture)?;
                 let place = self.textures[texture].place(trial)?;

@@ -22,8 +22,11 @@ pub enum Row {
 impl Row {
     /// The rows of the removed-node test, in the table's order.
     pub fn all() -> Vec<Self> {
-        let methods = Method::ALL.map(Self::Interpolated).into_iter();
-        methods.chain([Self::Own]).collect()
+        Method::ALL
+            .map(Self::Interpolated)
+            .into_iter()
+            .chain([Self::Own])
+            .collect()
     }
 
     /// Returns a name for tables.
@@ -214,8 +217,9 @@ pub struct Summary {
 /// Summarises `row` over the nodes of `texture`, or over all nodes. Returns `None` if the test does not have this row.
 pub fn summarise(test: &LeaveOneOut, row: &Row, texture: Option<&str>) -> Option<Summary> {
     let column = test.rows.iter().position(|r| r == row)?;
-    let nodes = test.removed.iter();
-    let nodes: Vec<&Removed> = nodes
+    let nodes: Vec<&Removed> = test
+        .removed
+        .iter()
         .filter(|node| texture.is_none_or(|name| node.texture == name))
         .collect();
     let outcomes: Vec<&Outcome> = nodes.iter().map(|node| &node.outcomes[column]).collect();
@@ -251,6 +255,7 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use test_helpers::near;
 
     fn test_of(textures: &[&str], simulated: bool) -> LeaveOneOut {
         let removed = |texture: &&str| Removed {
@@ -301,10 +306,10 @@ mod tests {
         assert_eq!(figures(&["felt"]), None);
         let (by_texture, all) = figures(&["cork", "felt", "denim"]).unwrap();
         assert_eq!(by_texture, [None, None, Some(PAPER_TABLE_I[3])]);
-        assert!((all.mean_cost - 0.36).abs() < 1e-12);
+        near(all.mean_cost, 0.36, 1e-12);
         let names = PAPER_TABLE_I.map(|column| column.texture);
         let (_, all) = figures(&names).unwrap();
-        assert!((all.mean_cost - 0.345).abs() < 1e-12);
-        assert!((all.cost_deviation - 0.135).abs() < 1e-12);
+        near(all.mean_cost, 0.345, 1e-12);
+        near(all.cost_deviation, 0.135, 1e-12);
     }
 }

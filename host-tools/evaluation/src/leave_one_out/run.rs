@@ -20,13 +20,15 @@ impl Prepared<'_> {
     /// The result does not depend on the number of threads.
     pub fn run(&self, options: &Options, progress: impl Fn() + Sync) -> Result<LeaveOneOut> {
         let rows = Row::all();
-        let targets = self.targets().into_par_iter();
-        let removed = targets.map(|target| {
-            let outcome = self.remove(target, &rows, options);
-            progress();
-            outcome
-        });
-        let removed: Vec<Removed> = removed.collect::<Result<_>>()?;
+        let removed: Vec<Removed> = self
+            .targets()
+            .into_par_iter()
+            .map(|target| {
+                let outcome = self.remove(target, &rows, options);
+                progress();
+                outcome
+            })
+            .collect::<Result<_>>()?;
         Ok(LeaveOneOut {
             smoothing: format!("Hann kernel, {} Hz wide", options.smoothing_hz),
             order: match options.order {
@@ -126,8 +128,9 @@ impl<'p, 's> Removal<'p, 's> {
     }
 
     fn outcome(&mut self, row: &Row) -> Result<Outcome> {
-        let voice = self.voice(row)?;
-        let voice = voice.and_then(|(at, power)| Some((self.voices[at].1.as_ref()?, power)));
+        let voice = self
+            .voice(row)?
+            .and_then(|(at, power)| Some((self.voices[at].1.as_ref()?, power)));
         let played = voice.and_then(|(voice, power)| voice.at_power(power));
         let recorded = &self.prepared.signals[self.target.trial];
         let range = self.prepared.ranges[self.target.trial].as_ref();

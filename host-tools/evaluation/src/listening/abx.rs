@@ -87,6 +87,7 @@ mod tests {
     use rand::SeedableRng;
 
     use super::*;
+    use test_helpers::near;
 
     /// Trials on `surfaces` surfaces. Those of odd numbers have three takes, and the others have one.
     fn planned(seed: u64, pairs: &[Pair], count: usize, surfaces: usize) -> (Vec<Trial>, Sounds) {
@@ -177,12 +178,13 @@ mod tests {
             assert!((share(&at) - 0.5).abs() < 0.1, "trial {place}: {}", share(&at));
         }
         let same = |test: &Vec<Trial>| {
-            let two = test.windows(2).map(|two| is_a(&two[0]) == is_a(&two[1]));
-            two.collect::<Vec<_>>()
+            test.windows(2)
+                .map(|two| is_a(&two[0]) == is_a(&two[1]))
+                .collect::<Vec<_>>()
         };
         let repeated: Vec<bool> = tests.iter().flat_map(same).collect();
         // 18 of each in 36 trials repeat in 17 of 35.
-        assert!((share(&repeated) - 17.0 / 35.0).abs() < 0.02, "{}", share(&repeated));
+        near(share(&repeated), 17.0 / 35.0, 0.02);
         for surface in 0..4 {
             let is_own = |t: &&Trial| t.surface == format!("felt, {surface} mm/s, 1 N");
             let own: Vec<bool> = tests.iter().flatten().filter(is_own).map(is_a).collect();

@@ -214,12 +214,14 @@ impl Answered {
             own.push((name, field));
             known.push(Some(column));
         }
-        let further = header.names().enumerate();
-        let further = further.filter(|(column, _)| !known.contains(&Some(*column)));
-        let further = further.map(|(column, name)| {
-            let text = line.text(column).to_owned();
-            (name.to_owned(), Field::Text(text))
-        });
+        let further = header
+            .names()
+            .enumerate()
+            .filter(|(column, _)| !known.contains(&Some(*column)))
+            .map(|(column, name)| {
+                let text = line.text(column).to_owned();
+                (name.to_owned(), Field::Text(text))
+            });
         Ok(Self {
             further: further.collect(),
             own,

@@ -55,8 +55,11 @@ impl TrialExcerpts {
         let mut taken = Vec::new();
         kinds.map(|kind| {
             let source = |excerpt: &Excerpt| (kind == Kind::Recording, excerpt.window);
-            let own = self.of(kind).iter();
-            let free: Vec<&Excerpt> = own.filter(|one| !taken.contains(&source(one))).collect();
+            let free: Vec<&Excerpt> = self
+                .of(kind)
+                .iter()
+                .filter(|one| !taken.contains(&source(one)))
+                .collect();
             let drawn = free.choose(generator).expect("a trial has fewer sounds");
             taken.push(source(drawn));
             sounds.index_of(&drawn.samples)
@@ -66,11 +69,15 @@ impl TrialExcerpts {
 
 /// Returns the surfaces that have a take with excerpts of `kinds`: the index of each in `heard`, and these takes.
 pub(super) fn able(heard: &[Vec<TrialExcerpts>], kinds: [Kind; 2]) -> Vec<(usize, Vec<&TrialExcerpts>)> {
-    let surfaces = heard.iter().enumerate().map(|(surface, takes)| {
-        let takes = takes.iter().filter(|take| take.has(kinds));
-        (surface, takes.collect::<Vec<_>>())
-    });
-    surfaces.filter(|(_, takes)| !takes.is_empty()).collect()
+    heard
+        .iter()
+        .enumerate()
+        .map(|(surface, takes)| {
+            let takes = takes.iter().filter(|take| take.has(kinds));
+            (surface, takes.collect::<Vec<_>>())
+        })
+        .filter(|(_, takes)| !takes.is_empty())
+        .collect()
 }
 
 /// The sounds of a page, each kept once.
@@ -80,8 +87,7 @@ pub(super) struct Sounds(Vec<Vec<f64>>);
 impl Sounds {
     /// Returns the index of a sound. Adds the sound if it is new.
     pub fn index_of(&mut self, excerpt: &[f64]) -> usize {
-        let known = self.0.iter().position(|sound| sound == excerpt);
-        known.unwrap_or_else(|| {
+        self.0.iter().position(|sound| sound == excerpt).unwrap_or_else(|| {
             self.0.push(excerpt.to_vec());
             self.0.len() - 1
         })
@@ -143,6 +149,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use test_helpers::near;
 
     impl TrialExcerpts {
         /// Three excerpts of each kind, of three samples: the kind, their window, and the number `take`.
@@ -184,8 +191,7 @@ mod tests {
 
     #[test]
     fn excerpts_have_one_rms_and_begin_and_end_near_zero() {
-        let loud = (0..10_000).map(|n| 40.0 * (f64::from(n) * 0.3).sin() + 7.0);
-        let loud: Vec<f64> = loud.collect();
+        let loud: Vec<f64> = (0..10_000).map(|n| 40.0 * (f64::from(n) * 0.3).sin() + 7.0).collect();
         let soft: Vec<f64> = loud.iter().map(|x| x * 1e-4).collect();
         for signal in [loud, soft] {
             let found = excerpts(&[&signal], 5000);
@@ -193,7 +199,7 @@ mod tests {
             for Excerpt { samples: excerpt, .. } in found {
                 let middle = &excerpt[100..4900];
                 let rms = crate::dsp::sums::rms(middle);
-                assert!((rms - 1.0).abs() < 0.01, "{rms}");
+                near(rms, 1.0, 0.01);
                 assert!(excerpt[0].abs() < 1e-3 && excerpt[4999].abs() < 1e-3);
             }
         }

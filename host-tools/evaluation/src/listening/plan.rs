@@ -251,9 +251,13 @@ fn in_turns(set: &RecordingSet, generator: &mut Pcg64) -> Vec<Vec<usize>> {
         .textures()
         .into_iter()
         .map(|name| {
-            let trials = set.trials.iter().enumerate();
-            let own = trials.filter(|(_, trial)| trial.texture == name);
-            let mut own: Vec<usize> = own.map(|(index, _)| index).collect();
+            let mut own: Vec<usize> = set
+                .trials
+                .iter()
+                .enumerate()
+                .filter(|(_, trial)| trial.texture == name)
+                .map(|(index, _)| index)
+                .collect();
             own.shuffle(generator);
             let mut surfaces: Vec<Vec<usize>> = Vec::new();
             for index in own {
@@ -303,8 +307,12 @@ impl Planner<'_> {
         let takes = most.div_ceil(self.order.len().max(1));
         let mut heard: Vec<Vec<TrialExcerpts>> = Vec::new();
         for surface in self.order.iter().take(most) {
-            let read = surface.iter().take(takes).map(|n| self.heard(*n));
-            let own: Vec<TrialExcerpts> = read.filter_map(Result::transpose).collect::<Result<_>>()?;
+            let own: Vec<TrialExcerpts> = surface
+                .iter()
+                .take(takes)
+                .map(|n| self.heard(*n))
+                .filter_map(Result::transpose)
+                .collect::<Result<_>>()?;
             if own.is_empty() {
                 self.too_short.push(self.surface(surface[0]));
             } else {
@@ -322,8 +330,11 @@ impl Planner<'_> {
         let left_out = others.into_iter().map(Pair::name).collect();
         for pair in &pairs {
             let is_missing = |takes: &&Vec<TrialExcerpts>| !takes.iter().any(|take| take.has(pair.kinds()));
-            let missing = heard.iter().filter(is_missing);
-            let names: Vec<String> = missing.map(|takes| takes[0].surface.clone()).collect();
+            let names: Vec<String> = heard
+                .iter()
+                .filter(is_missing)
+                .map(|takes| takes[0].surface.clone())
+                .collect();
             self.without.extend((!names.is_empty()).then(|| (pair.name(), names)));
         }
         let (sounds, generator) = (&mut self.sounds, &mut self.generator);
@@ -362,8 +373,7 @@ impl Planner<'_> {
                     .into(),
             ));
         }
-        let left_out = left_out.into_iter().map(|part| part.name().to_owned());
-        let left_out = left_out.collect();
+        let left_out = left_out.into_iter().map(|part| part.name().to_owned()).collect();
         Ok((Task::Staircase(Staircases::of(tracks)), left_out))
     }
 
@@ -383,8 +393,11 @@ impl Planner<'_> {
         let (library, evaluation) = &self.fitted;
         let comparison = evaluation.compare(self.set, library, index, &evaluate)?;
         let of = |played: Played| {
-            let own = comparison.versions.iter().find(|v| v.played == played);
-            own.map(|version| version.synthesised.clone())
+            comparison
+                .versions
+                .iter()
+                .find(|v| v.played == played)
+                .map(|version| version.synthesised.clone())
         };
         let (fitted, gaussian) = (of(Played::Fitted), of(Played::Gaussian));
         let without_lines = comparison.synthesised;
@@ -406,8 +419,9 @@ impl Planner<'_> {
             return Ok(None);
         };
         let played = excerpts(&[&comparison.synthesised], samples);
-        let versions = comparison.versions.iter();
-        let gaussian = versions
+        let gaussian = comparison
+            .versions
+            .iter()
             .filter(|version| version.played == Played::Gaussian)
             .map(|version| excerpts(&[&version.synthesised], samples))
             .next();

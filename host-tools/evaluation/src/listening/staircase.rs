@@ -163,8 +163,10 @@ impl Strands {
         if (samples as f64) < SHORTEST_EXCERPT_S * rate_hz {
             return None;
         }
-        let heard = excerpts(&[&signal[..WINDOWS * samples]], samples).into_iter();
-        let mut heard: Vec<Vec<f64>> = heard.map(|one| one.samples).collect();
+        let mut heard: Vec<Vec<f64>> = excerpts(&[&signal[..WINDOWS * samples]], samples)
+            .into_iter()
+            .map(|one| one.samples)
+            .collect();
         // All excerpts have an RMS of 1 here, so that this gain is the whole difference.
         if part == Part::Level {
             let gain = 10f64.powf(strength / 20.0);
@@ -220,6 +222,7 @@ mod tests {
     use rand::SeedableRng;
 
     use super::*;
+    use test_helpers::near;
 
     /// Noise of two kinds, and a line at 500 Hz of the power of the first.
     fn strands() -> Strands {
@@ -259,11 +262,11 @@ mod tests {
         for strength in [0.03, 0.3, 0.8] {
             let mixed = strands.at(Part::Codebook, strength);
             let found = share(&mixed, &strands.without_lines);
-            assert!((found - strength).abs() < 0.03, "{strength}: {found}");
+            near(found, strength, 0.03);
             let (own, all) = (&strands.without_lines, strands.at(Part::Lines, strength));
             let line = |whole: &[f64]| mean_square(&whole.iter().zip(own).map(|(a, b)| a - b).collect::<Vec<_>>());
             let found = line(&all) / line(&strands.fitted);
-            assert!((found - strength).abs() < 1e-9, "{strength}: {found}");
+            near(found, strength, 1e-9);
         }
         assert_eq!(strands.at(Part::Lines, 1.0), strands.fitted);
         assert_eq!(strands.at(Part::Codebook, 0.0), strands.gaussian);
@@ -279,7 +282,7 @@ mod tests {
             let (strengths, all) = (&track.strengths, sounds.all());
             assert!(strengths.windows(2).all(|two| two[0] < two[1]));
             let (_, greatest, _) = track.part.grid();
-            assert!((strengths[strengths.len() - 1] - greatest).abs() < 1e-9);
+            near(strengths[strengths.len() - 1], greatest, 1e-9);
             for (strength, changed) in strengths.iter().zip(&track.changed) {
                 for (one, other) in track.reference.iter().zip(changed) {
                     assert_ne!(one, other);
@@ -292,8 +295,7 @@ mod tests {
                 let [a, b, x] = coin.windows;
                 assert!(a != b && b != x && a != x);
             }
-            let changed = track.coins.iter();
-            let changed = changed.filter(|coin| coin.a_is_changed == coin.x_is_changed);
+            let changed = track.coins.iter().filter(|coin| coin.a_is_changed == coin.x_is_changed);
             assert!((70..130).contains(&changed.count()));
         }
         let plain = Strands {

@@ -56,8 +56,7 @@ impl Shape {
     fn largest_difference_db(&self, other: &Self) -> f64 {
         let (mine, its) = (self.on_the_grid(), other.on_the_grid());
         let difference = |a: &f64, b: &f64| (10.0 * (a / b).log10()).abs();
-        let on_the_grid = mine.iter().zip(&its).map(|(a, b)| difference(a, b));
-        let mut largest = on_the_grid.fold(0.0, f64::max);
+        let mut largest = mine.iter().zip(&its).map(|(a, b)| difference(a, b)).fold(0.0, f64::max);
         // A line may be narrower than the grid's steps.
         for powers in [&mine, &its] {
             let peak = (0..powers.len()).max_by(|&a, &b| powers[a].total_cmp(&powers[b]));
@@ -76,8 +75,10 @@ impl Shape {
         let mut terms = vec![1.0];
         terms.extend(&self.a);
         terms.resize(2 * POINTS, 0.0);
-        let spectrum = fourier::forward(&mut terms);
-        spectrum.iter().map(|a| self.share / a.norm_sqr()).collect()
+        fourier::forward(&mut terms)
+            .iter()
+            .map(|a| self.share / a.norm_sqr())
+            .collect()
     }
 
     fn at(&self, frequency: f64) -> f64 {

@@ -141,13 +141,14 @@ pub fn spectrum_limit_db(pole_radius: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use test_helpers::near;
 
     #[test]
     fn narrow_lines_have_limits_of_their_own_and_others_the_common_ones() {
         assert_eq!(snr_limit_db(0.99), SNR_DB);
         assert_eq!(spectrum_limit_db(0.99), SPECTRUM_DB);
-        assert!((snr_limit_db(0.9999) - 85.0).abs() < 1e-6);
-        assert!((snr_limit_db(0.999_99) - 65.0).abs() < 1e-6);
+        near(snr_limit_db(0.9999), 85.0, 1e-6);
+        near(snr_limit_db(0.999_99), 65.0, 1e-6);
         assert!((8.0..9.0).contains(&spectrum_limit_db(0.999_99)));
     }
 }

@@ -26,12 +26,14 @@ const DEVIATION: f64 = (1u64 << excitation::FRACTION_BITS) as f64;
 /// # Errors
 /// A case whose models cannot be encoded as a library; every case here can.
 pub fn run(cases: &[Case], progress: impl Fn() + Sync) -> Result<Vec<Outcome>> {
-    let outcomes = cases.par_iter().map(|case| {
-        let outcome = play(case);
-        progress();
-        outcome
-    });
-    outcomes.collect()
+    cases
+        .par_iter()
+        .map(|case| {
+            let outcome = play(case);
+            progress();
+            outcome
+        })
+        .collect()
 }
 
 /// Plays one case.
@@ -39,8 +41,7 @@ pub fn run(cases: &[Case], progress: impl Fn() + Sync) -> Result<Vec<Outcome>> {
 /// # Panics
 /// Never: a lattice holds every texture.
 pub fn play(case: &Case) -> Result<Outcome> {
-    let outcome = play_with(case, |texture| Some(lattice(texture)))?;
-    Ok(outcome.expect("a lattice holds every texture"))
+    Ok(play_with(case, |texture| Some(lattice(texture)))?.expect("a lattice holds every texture"))
 }
 
 /// The kernel's lattice for `texture`, at rest, by the host's fastest arithmetic.

@@ -89,10 +89,7 @@ pub(super) fn estimate(rate_hz: u32, signal: &[f64], plain: PaddedSpectrum, know
         let lags = if leaks { &tapered } else { &plain }.lags();
         return Estimate { lags, bands };
     }
-    let filled = |whole: PaddedSpectrum| {
-        let whole = whole.into_autocorrelation();
-        whole.filled(known.from_hz, known.to_hz, rate_hz)
-    };
+    let filled = |whole: PaddedSpectrum| whole.into_autocorrelation().filled(known.from_hz, known.to_hz, rate_hz);
     let tapered = filled(tapered);
     let bands = Bands::of_density(&tapered.power, tapered.lags[0], rate_hz);
     // A high-pass filter has removed what leaks most, so leakage is not measured after it: the tapered estimate is
@@ -246,11 +243,11 @@ impl Bands {
     /// long enough to measure.
     pub(super) fn known_db(&self, samples: usize) -> Vec<(f64, f64)> {
         let duration_s = samples as f64 / self.rate_hz;
-        let known = (0..COUNT).filter(|&band| {
-            let (low, high) = edges_hz(band);
-            (high - low) * duration_s >= LEAST_DEGREES && self.powers[band] > 0.0
-        });
-        known
+        (0..COUNT)
+            .filter(|&band| {
+                let (low, high) = edges_hz(band);
+                (high - low) * duration_s >= LEAST_DEGREES && self.powers[band] > 0.0
+            })
             .map(|band| (centre_hz(band), 10.0 * self.powers[band].log10()))
             .collect()
     }
@@ -286,8 +283,10 @@ impl Bands {
     /// dB; zero if no band can be measured.
     pub(super) fn largest_excess_db(&self, other: &Self, samples: usize) -> f64 {
         // The bands that are strong in `other` count. Both spectra are of one recording, so they scatter together.
-        let levels = other.levels_db(self, samples, FELT_DEGREES);
-        levels.map(|(level, _)| -level.level_db).fold(0.0, f64::max)
+        other
+            .levels_db(self, samples, FELT_DEGREES)
+            .map(|(level, _)| -level.level_db)
+            .fold(0.0, f64::max)
     }
 
     /// Returns an order, at most that of `model`, with which every band of a recording of `samples` samples is
@@ -301,8 +300,7 @@ impl Bands {
                 ..model.clone()
             };
             let bands = Self::of_model(&model, BINS, self.rate_hz);
-            let levels = self.levels_db(&bands, samples, FELT_DEGREES);
-            levels
+            self.levels_db(&bands, samples, FELT_DEGREES)
                 .map(|(level, deviation_db)| {
                     let free_db = UNFELT_DB.min(SCATTER * deviation_db);
                     (level.level_db.abs(), free_db)
@@ -331,11 +329,10 @@ impl Bands {
     pub(super) fn missed_by(&self, model: &Model, samples: usize, limit_db: f64) -> Option<BandLevel> {
         let at = |bins: usize| {
             let bands = Self::of_model(model, bins, self.rate_hz);
-            let missed = self
-                .levels_db(&bands, samples, LEAST_DEGREES)
+            self.levels_db(&bands, samples, LEAST_DEGREES)
                 .filter(|(level, deviation_db)| level.level_db.abs() > limit_db + 2.0 * deviation_db)
-                .map(|(level, _)| level);
-            missed.max_by(|a, b| a.level_db.abs().total_cmp(&b.level_db.abs()))
+                .map(|(level, _)| level)
+                .max_by(|a, b| a.level_db.abs().total_cmp(&b.level_db.abs()))
         };
         // A coarse grid misses a narrow resonance, and a fine one resolves it. Only a suspicion justifies the time of
         // the fine one.
@@ -364,7 +361,7 @@ fn edges_hz(band: usize) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use test_helpers::noise;
+    use test_helpers::{near, noise};
 
     fn chosen(signal: &[f64]) -> [Vec<f64>; 3] {
         let plain = PaddedSpectrum::of(signal, 400);
@@ -396,7 +393,7 @@ mod tests {
         let [auto, rectangular, tapered] = chosen(&steep);
         assert_eq!(auto, tapered);
         assert_ne!(auto, rectangular);
-        assert!((auto[0] / rectangular[0] - 1.0).abs() < 1e-9);
+        near(auto[0] / rectangular[0], 1.0, 1e-9);
     }
 
     fn model(radius: f64, frequency_hz: f64) -> Model {
@@ -407,8 +404,11 @@ mod tests {
 
     #[test]
     fn white_noise_has_power_in_proportion_to_a_bands_width() {
-        let bands = Bands::of_density(&vec![7.0; 10_001], 2500.0, f64::from(SAMPLE_RATE_HZ));
-        for (band, power) in bands.powers.iter().enumerate() {
+        for (band, power) in Bands::of_density(&vec![7.0; 10_001], 2500.0, f64::from(SAMPLE_RATE_HZ))
+            .powers
+            .iter()
+            .enumerate()
+        {
             let (low, high) = edges_hz(band);
             assert!((power / (high - low) - 1.0).abs() < 1e-9, "{band}: {power}");
         }

@@ -56,12 +56,15 @@ impl FittedTexture {
         let name = all.first().map_or_else(String::new, |own| own.trial.texture.clone());
         // Trials at rest or without contact, at which the stylus is silent whatever was recorded.
         let idle = all.iter().filter(|own| !own.trial.is_in_motion_and_contact()).count();
-        let members = all.iter().map(|own| Member {
-            trial: own.trial,
-            analysis: &own.analysis,
-            report: &reports[own.number],
-        });
-        let members: Vec<Member<'_>> = members.filter(|member| member.report.used).collect();
+        let members: Vec<Member<'_>> = all
+            .iter()
+            .map(|own| Member {
+                trial: own.trial,
+                analysis: &own.analysis,
+                report: &reports[own.number],
+            })
+            .filter(|member| member.report.used)
+            .collect();
         if members.is_empty() {
             return Err(nothing_to_fit(&name, idle, all.len()));
         }
@@ -119,8 +122,11 @@ impl FittedTexture {
             let index = self.grid.index(node.at.0, node.at.1);
             self.scale(index, (node.level * node.moments).powi(-2));
         }
-        let softer_db = excess.iter().map(|node| 20.0 * node.moments.log10());
-        let softer_db: Vec<f64> = softer_db.filter(|db| *db >= NOTABLE_SOFTER_DB).collect();
+        let softer_db: Vec<f64> = excess
+            .iter()
+            .map(|node| 20.0 * node.moments.log10())
+            .filter(|db| *db >= NOTABLE_SOFTER_DB)
+            .collect();
         let Some(most_db) = softer_db.iter().copied().reduce(f64::max) else {
             return;
         };
@@ -227,8 +233,11 @@ fn with_unit(failure: Error, grid: &Grid, members: &[Member<'_>]) -> Error {
         let place = (member.trial.speed_mm_s as f32, member.trial.force_n as f32);
         loud.is_some_and(|(speed_mm_s, force_n, _)| place == (speed_mm_s, force_n))
     };
-    let by_nearness = members.iter().filter(at_node).chain(members);
-    let mut verdicts = by_nearness.flat_map(|member| &member.report.verdicts);
+    let mut verdicts = members
+        .iter()
+        .filter(at_node)
+        .chain(members)
+        .flat_map(|member| &member.report.verdicts);
     match verdicts.find(|verdict| verdict.kind() == Kind::Scale) {
         Some(verdict) => Error::Model(format!("{failure}: {verdict}")),
         None => failure,
@@ -275,8 +284,7 @@ impl Fit {
                 false => "; not used, at speed 0 or force 0".to_owned(),
             };
             let file = trial.file.clone();
-            let verdicts = trial.verdicts.clone().into_iter();
-            verdicts.map(move |verdict| {
+            trial.verdicts.clone().into_iter().map(move |verdict| {
                 let text = format!("{verdict}{outcome}");
                 Warning::of(verdict.name(), ("recording", &file), verdict.size(), text)
             })
@@ -364,8 +372,10 @@ mod tests {
         let trial = |speed_mm_s: f64, most: f64| {
             let file = folder.path().join(format!("{speed_mm_s}.wav"));
             let level = |n: usize| if n < 5000 { 1e-4 } else { 1.0 };
-            let samples = noise(1, 15_000).into_iter().enumerate();
-            let samples = samples.map(|(n, x)| (level(n) * x).clamp(-most, most));
+            let samples = noise(1, 15_000)
+                .into_iter()
+                .enumerate()
+                .map(|(n, x)| (level(n) * x).clamp(-most, most));
             std::fs::write(&file, float_wav(1, SAMPLE_RATE_HZ, samples).unwrap()).unwrap();
             Trial::of(file, "surface", speed_mm_s, 1.0)
         };
@@ -375,8 +385,11 @@ mod tests {
         };
         let fit = fit(&set, &Options::default(), |_| ()).unwrap();
         assert!(fit.trials.iter().all(|own| own.cut_s > 0.9 && !own.verdicts.is_empty()));
-        let nodes = fit.textures[0].nodes.iter();
-        let doubtful: Vec<bool> = nodes.map(|node| node.flags.contains(NodeFlags::DOUBTFUL)).collect();
+        let doubtful: Vec<bool> = fit.textures[0]
+            .nodes
+            .iter()
+            .map(|node| node.flags.contains(NodeFlags::DOUBTFUL))
+            .collect();
         assert_eq!(doubtful, [false, true]);
     }
 }

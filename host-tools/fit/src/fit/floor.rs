@@ -9,6 +9,7 @@ use std::path::Path;
 
 use super::options::Options;
 use super::trial::{FloorShares, read_axes};
+use crate::dsp::fourier::quick_length;
 use crate::dsp::reduction::View;
 use crate::dsp::spectrum::{PowerSpectrum, band_edges_hz, longest_segment, without_noise};
 use crate::recording::{RecordingSet, Trial};
@@ -16,7 +17,7 @@ use crate::support::error::{Error, Result};
 use crate::support::in_order::in_order;
 use crate::support::number::counted;
 
-/// Divisor for the length of the segments of both spectra: at most a tenth of the shorter recording, so that each
+/// Divisor for the length of the segments of both spectra: about a tenth of the shorter recording, so that each
 /// spectrum is a mean over about twenty segments.
 const SEGMENT_SHARE: usize = 10;
 
@@ -51,8 +52,7 @@ impl Floor {
     /// `view`. Subtracts the noise from the samples if `is_taken_off`.
     pub fn apply(&self, samples: &mut Vec<f64>, speed_mm_s: f64, view: &View, is_taken_off: bool) -> FloorShares {
         let shortest = self.takes.iter().map(NoiseTake::samples).min().unwrap_or(0);
-        let segment = shortest.min(samples.len()) / SEGMENT_SHARE;
-        let segment = segment.min(longest_segment(self.rate_hz));
+        let segment = quick_length(shortest.min(samples.len()) / SEGMENT_SHARE).min(longest_segment(self.rate_hz));
         let whole = PowerSpectrum::of_blocks(&[samples], segment, self.rate_hz);
         let noise = self.at(speed_mm_s, view, segment);
         if is_taken_off {
@@ -88,8 +88,7 @@ impl Floor {
             .iter()
             .filter(|take| take.speed_mm_s.total_cmp(&speed_mm_s).is_eq());
         // Each take was reduced in the same way when it was read, so the reduction does not fail.
-        let reduced = at_speed.filter_map(|take| view.reduce(&take.axes).ok());
-        let reduced: Vec<Vec<f64>> = reduced.collect();
+        let reduced: Vec<Vec<f64>> = at_speed.filter_map(|take| view.reduce(&take.axes).ok()).collect();
         let blocks: Vec<&[f64]> = reduced.iter().map(Vec::as_slice).collect();
         PowerSpectrum::of_blocks(&blocks, segment, self.rate_hz)
     }
@@ -200,8 +199,7 @@ mod tests {
 
     fn rms(floor: &Floor, speed_mm_s: f64) -> f64 {
         let view = View::of(&[vec![1.0, -1.0]], Reduction::Pca);
-        let spectrum = floor.at(speed_mm_s, &view, SEGMENT);
-        spectrum.power_between(0.0, 2500.0).sqrt()
+        floor.at(speed_mm_s, &view, SEGMENT).power_between(0.0, 2500.0).sqrt()
     }
 
     #[test]

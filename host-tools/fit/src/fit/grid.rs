@@ -97,8 +97,7 @@ pub(super) fn assemble(
         })
     };
     let misses = measured.iter().enumerate().filter_map(miss).collect();
-    let loud = measured.iter().flatten().flat_map(|node| node.loud.clone());
-    let loud = loud.collect();
+    let loud = measured.iter().flatten().flat_map(|node| node.loud.clone()).collect();
     let models = measured.into_iter().map(|node| Some(node?.model));
     let filler = Filler::of(speeds_mm_s.len(), forces_n.len(), models.collect());
     let models: Vec<Model> = (0..filler.known.len()).map(|index| filler.model(index)).collect();
@@ -167,8 +166,7 @@ fn measured_model(cell: &[Member<'_>], options: &Options) -> Option<NodeFit> {
     if cell.iter().any(doubtful) {
         flags = flags.with(NodeFlags::DOUBTFUL);
     }
-    let heard = cell.iter().filter(|member| !member.analysis.is_silent());
-    let heard: Vec<&Member<'_>> = heard.collect();
+    let heard: Vec<&Member<'_>> = cell.iter().filter(|member| !member.analysis.is_silent()).collect();
     if cell.is_empty() {
         return None;
     }
@@ -181,18 +179,20 @@ fn measured_model(cell: &[Member<'_>], options: &Options) -> Option<NodeFit> {
     }
     let samples: usize = heard.iter().map(|member| member.analysis.samples).sum();
     let shares = shares(&heard.iter().map(|m| m.analysis.lags[0]).collect::<Vec<_>>());
-    let of_loud = heard.iter().zip(&shares).filter(|(_, share)| **share < 1.0);
-    let loud = of_loud.map(|(member, share)| LoudTrial {
-        file: member.report.file.clone(),
-        over_db: -10.0 * share.log10(),
-    });
-    let loud: Vec<LoudTrial> = loud.collect();
+    let loud: Vec<LoudTrial> = heard
+        .iter()
+        .zip(&shares)
+        .filter(|(_, share)| **share < 1.0)
+        .map(|(member, share)| LoudTrial {
+            file: member.report.file.clone(),
+            over_db: -10.0 * share.log10(),
+        })
+        .collect();
     if !loud.is_empty() {
         flags = flags.with(NodeFlags::DOUBTFUL);
     }
     let weighted = || {
-        let pairs = heard.iter().zip(&shares);
-        pairs.map(|(member, share)| {
+        heard.iter().zip(&shares).map(|(member, share)| {
             // Longer trials are known better.
             let weight = member.analysis.samples as f64 / samples as f64;
             (share * weight, member.analysis)
@@ -318,16 +318,20 @@ impl Filler {
             s.abs_diff(speed).pow(2) + f.abs_diff(force).pow(2)
         };
         let candidates = || {
-            let known = self.known.iter().enumerate();
-            let known = known.filter_map(|(index, model)| Some((distance(index), model.as_ref()?)));
-            known.filter(|(_, model)| wanted(model))
+            self.known
+                .iter()
+                .enumerate()
+                .filter_map(|(index, model)| Some((distance(index), model.as_ref()?)))
+                .filter(|(_, model)| wanted(model))
         };
         let Some(least) = candidates().map(|(distance, _)| distance).min() else {
             return Model::silent();
         };
         // All nodes at this distance count, so that no direction is preferred.
-        let nearest = candidates().filter(|&(distance, _)| distance == least);
-        let nearest: Vec<&Model> = nearest.map(|(_, model)| model).collect();
+        let nearest: Vec<&Model> = candidates()
+            .filter(|&(distance, _)| distance == least)
+            .map(|(_, model)| model)
+            .collect();
         let weight = 1.0 / nearest.len() as f64;
         let terms: Vec<_> = nearest.into_iter().map(|model| (weight, model)).collect();
         Model::mean(&terms, LevelLaw::Logarithm)
@@ -344,6 +348,7 @@ struct Bracket<'a> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use test_helpers::near;
 
     fn model(k: f64, power: f64) -> Model {
         Model::new(vec![k, -k / 2.0], power)
@@ -354,8 +359,8 @@ mod tests {
         let filler = Filler::of(3, 1, vec![Some(model(0.1, 1.0)), None, Some(model(0.5, 4.0))]);
         let filled = filler.model(1);
         let expected = f64::midpoint(0.1f64.asin(), 0.5f64.asin()).sin();
-        assert!((filled.reflection[0] - expected).abs() < 1e-12);
-        assert!((filled.output_power - 2.0).abs() < 1e-12);
+        near(filled.reflection[0], expected, 1e-12);
+        near(filled.output_power, 2.0, 1e-12);
         assert_eq!(filled.flags, NodeFlags::INTERPOLATED);
     }
 
@@ -363,7 +368,7 @@ mod tests {
     fn beyond_the_last_node_the_nearest_is_taken_over_and_says_so() {
         let filler = Filler::of(1, 3, vec![Some(model(0.1, 1.0)), Some(model(0.5, 4.0)), None]);
         let filled = filler.model(2);
-        assert!((filled.reflection[0] - 0.5).abs() < 1e-12);
+        near(filled.reflection[0], 0.5, 1e-12);
         assert_eq!(filled.flags, NodeFlags::EXTRAPOLATED);
     }
 
@@ -372,15 +377,15 @@ mod tests {
         let filler = Filler::of(1, 2, vec![Some(Model::silent()), Some(model(0.5, 4.0))]);
         let silent = filler.model(0);
         assert!(silent.output_power.abs() <= 0.0 && silent.flags == NodeFlags::SILENT);
-        assert!((silent.reflection[0] - 0.5).abs() < 1e-12);
+        near(silent.reflection[0], 0.5, 1e-12);
     }
 
     #[test]
     fn a_hole_beside_a_silent_node_has_half_the_power_and_the_timbre_of_the_other_neighbour() {
         let known = vec![Some(Model::silent()), None, Some(model(0.5, 4.0))];
         let filled = Filler::of(3, 1, known).model(1);
-        assert!((filled.output_power - 2.0).abs() < 1e-12);
-        assert!((filled.reflection[0] - 0.5).abs() < 1e-12);
+        near(filled.output_power, 2.0, 1e-12);
+        near(filled.reflection[0], 0.5, 1e-12);
     }
 
     proptest! {

@@ -59,8 +59,9 @@ pub(super) fn of(
     let close = [
         close_values("speeds", &grid.speeds_mm_s, "mm/s"),
         close_values("forces", &grid.forces_n, "N"),
-    ];
-    let close = close.into_iter().flatten();
+    ]
+    .into_iter()
+    .flatten();
     let lowered = lowered_orders(grid, options).map(|(nodes, order, speed, force)| {
         let text = format!(
             "{} of a lower order than was asked for, the lowest {order} at {speed} mm/s, {force} N: too few samples, \
@@ -73,8 +74,7 @@ pub(super) fn of(
     let with_mean = trials
         .iter()
         .filter(|trial| trial.mean_m_s2 > LARGE_MEAN * trial.rms_m_s2 && !is_gravity(trial.mean_m_s2));
-    let means = with_mean.clone().map(|trial| trial.mean_m_s2);
-    let largest = means.fold(0.0, f64::max);
+    let largest = with_mean.clone().map(|trial| trial.mean_m_s2).fold(0.0, f64::max);
     let removed = (largest > 0.0).then(|| {
         let text = format!(
             "a mean above the RMS, up to {largest:.3} m/s², was removed from {}",
@@ -83,12 +83,11 @@ pub(super) fn of(
         note("mean", largest, text)
     });
     let noted = |(kind, size, text): Noted| note(kind, size, text);
-    let notes = left_out
+    left_out
         .into_iter()
         .chain(too_short(members, options).map(noted))
         .chain(mostly_filled(grid, &trials).map(noted))
-        .chain(close.map(noted));
-    notes
+        .chain(close.map(noted))
         .chain(lowered)
         .chain(removed)
         .chain(slow_motion(&trials).map(noted))
@@ -143,8 +142,10 @@ fn rigs_noise(trials: &[&TrialReport], options: &Options) -> Option<Noted> {
         .iter()
         .filter_map(|t| Some((t.speed_mm_s, t.floor_shares.as_deref()?)));
     let bands = by_speed(known).into_iter().flat_map(|at| {
-        let bands = at.shares.into_iter().enumerate();
-        bands.map(move |(band, share)| (share, band_centre_hz(band), at.speed_mm_s))
+        at.shares
+            .into_iter()
+            .enumerate()
+            .map(move |(band, share)| (share, band_centre_hz(band), at.speed_mm_s))
     });
     let loud: Vec<(f32, f64, f64)> = bands.filter(|(share, ..)| *share >= LARGE_FLOOR).collect();
     let (share, hz, speed_mm_s) = loud.iter().copied().max_by(|a, b| a.0.total_cmp(&b.0))?;
@@ -185,8 +186,11 @@ fn too_short(members: &[Member<'_>], options: &Options) -> Option<Noted> {
 fn mostly_filled(grid: &Grid, trials: &[&TrialReport]) -> Option<Noted> {
     let recorded = |places: &[(f64, f64)]| {
         // By their bits, because floating-point numbers have no hash.
-        let bits = places.iter().map(|(s, f)| (s.to_bits(), f.to_bits()));
-        bits.collect::<HashSet<_>>().len()
+        places
+            .iter()
+            .map(|(s, f)| (s.to_bits(), f.to_bits()))
+            .collect::<HashSet<_>>()
+            .len()
     };
     let measured: Vec<(f64, f64)> = trials.iter().map(|t| (t.speed_mm_s, t.force_n)).collect();
     let (nodes, with) = (grid.models.len(), recorded(&measured));
@@ -359,8 +363,11 @@ fn missing_scales(reports: &[TrialReport]) -> Vec<Warning> {
         ),
     ];
     let of_kind = |(kind, what, example)| {
-        let own = reports.iter().filter(|report| report.unscaled == Some(kind));
-        let levels: Vec<f64> = own.map(|report| report.rms_m_s2).collect();
+        let levels: Vec<f64> = reports
+            .iter()
+            .filter(|report| report.unscaled == Some(kind))
+            .map(|report| report.rms_m_s2)
+            .collect();
         let least = levels.iter().copied().reduce(f64::min)?;
         let largest = levels.iter().copied().fold(0.0, f64::max);
         // Compared as they are printed: levels that differ only in further digits are one to the reader.

@@ -43,13 +43,15 @@ fn feedback(hz: f64, radius: f64) -> (f64, f64) {
 fn density(resonances: &[(f64, f64)]) -> Vec<f64> {
     let bin = |bin: usize| {
         let angle = TAU * bin as f64 / (2 * (FINE_BINS - 1)) as f64;
-        let power = resonances.iter().map(|&(hz, radius)| {
-            let (a, b) = feedback(hz, radius);
-            let real = 1.0 - a * angle.cos() + b * (2.0 * angle).cos();
-            let imaginary = a * angle.sin() - b * (2.0 * angle).sin();
-            1.0 / (real * real + imaginary * imaginary)
-        });
-        power.product()
+        resonances
+            .iter()
+            .map(|&(hz, radius)| {
+                let (a, b) = feedback(hz, radius);
+                let real = 1.0 - a * angle.cos() + b * (2.0 * angle).cos();
+                let imaginary = a * angle.sin() - b * (2.0 * angle).sin();
+                1.0 / (real * real + imaginary * imaginary)
+            })
+            .product()
     };
     (0..FINE_BINS).map(bin).collect()
 }
@@ -74,17 +76,20 @@ fn recorded_at(rate_hz: u32, signal: Vec<f64>) -> Vec<f64> {
 fn off_db(model: &Model, resonances: &[(f64, f64)], to_hz: f64) -> f64 {
     let (found, truth) = (density_of_model(model, FINE_BINS), density(resonances));
     let step_hz = f64::from(SAMPLE_RATE_HZ) / (2 * (FINE_BINS - 1)) as f64;
-    let edges = (0..).map(band_edges_hz);
-    let edges = edges.take_while(|&(_, high)| high <= to_hz);
-    let powers = edges.map(|(low, high)| {
-        let bins = (low / step_hz) as usize..(high / step_hz) as usize;
-        [&found, &truth].map(|density| density[bins.clone()].iter().sum::<f64>())
-    });
+    let powers = (0..)
+        .map(band_edges_hz)
+        .take_while(|&(_, high)| high <= to_hz)
+        .map(|(low, high)| {
+            let bins = (low / step_hz) as usize..(high / step_hz) as usize;
+            [&found, &truth].map(|density| density[bins.clone()].iter().sum::<f64>())
+        });
     let powers: Vec<[f64; 2]> = powers.collect();
     let strongest = powers.iter().map(|[_, truth]| *truth).fold(0.0, f64::max);
-    let strong = powers.iter().filter(|[_, truth]| *truth > 1e-4 * strongest);
-    let levels = strong.map(|[found, truth]| 10.0 * (found / truth).log10());
-    let levels: Vec<f64> = levels.collect();
+    let levels: Vec<f64> = powers
+        .iter()
+        .filter(|[_, truth]| *truth > 1e-4 * strongest)
+        .map(|[found, truth]| 10.0 * (found / truth).log10())
+        .collect();
     let mean = levels.iter().sum::<f64>() / levels.len() as f64;
     let squares = levels.iter().map(|level| (level - mean).powi(2));
     (squares.sum::<f64>() / levels.len() as f64).sqrt()

@@ -57,8 +57,8 @@ pub struct FoundLines {
 impl FoundLines {
     /// Returns the lines of each texture of `fit`.
     pub fn of(fit: &Fit) -> Vec<Self> {
-        let textures = fit.textures.iter();
-        textures
+        fit.textures
+            .iter()
             .map(|texture| Self {
                 texture: texture.name.clone(),
                 findings: texture.lines.clone(),
@@ -203,8 +203,12 @@ impl FitRecord {
     /// Returns `set` as the fit read it: with the speeds and forces that the fit used. A recording without a scale, a
     /// unit of times or a statement on even times gets those that the user gave for the fit.
     pub fn as_fitted(&self, mut set: RecordingSet) -> Result<RecordingSet> {
-        let told = self.trials.iter().filter(|own| own.was_told());
-        let told: HashMap<&str, &FittedTrial> = told.map(|own| (own.content.as_str(), own)).collect();
+        let told: HashMap<&str, &FittedTrial> = self
+            .trials
+            .iter()
+            .filter(|own| own.was_told())
+            .map(|own| (own.content.as_str(), own))
+            .collect();
         if !told.is_empty() {
             // Hashing reads all files, so it is only done if the fit was told something.
             let contents = in_order(&set.trials, content_of)?;
@@ -299,8 +303,9 @@ fn rounded<T: Clone + Serialize + DeserializeOwned>(figures: &T) -> T {
     let mut text = Vec::new();
     let written = figures.serialize(&mut Serializer::with_formatter(&mut text, Rounded));
     // Figures that JSON cannot hold stay as they are.
-    let rounded = written.and_then(|()| serde_json::from_slice(&text));
-    rounded.unwrap_or_else(|_| figures.clone())
+    written
+        .and_then(|()| serde_json::from_slice(&text))
+        .unwrap_or_else(|_| figures.clone())
 }
 
 /// Writes JSON with rounded figures.

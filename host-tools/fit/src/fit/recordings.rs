@@ -95,8 +95,7 @@ impl<'s> Recordings<'s> {
                 _ => Ok(()),
             };
         };
-        let work = self.trials.par_iter_mut().zip(axes);
-        work.for_each(|(own, axes)| {
+        self.trials.par_iter_mut().zip(axes).for_each(|(own, axes)| {
             let (Axes::Texture(view), Some(signal)) = (axes, &mut own.signal) else {
                 return;
             };
@@ -159,18 +158,19 @@ impl<'s> Recordings<'s> {
                 pieces.insert(first, (index, within(&fitted, stretch)));
             }
         }
-        let speeds_mm_s = pieces
+        let speeds_mm_s: Vec<f64> = pieces
             .iter()
-            .map(|(index, _)| self.trials[*index].trial.line_speed_mm_s());
-        let speeds_mm_s: Vec<f64> = speeds_mm_s.collect();
+            .map(|(index, _)| self.trials[*index].trial.line_speed_mm_s())
+            .collect();
         let (indices, ranges): (Vec<usize>, Vec<_>) = pieces.into_iter().unzip();
         let separated = separate(&speeds_mm_s, signals, &ranges);
         self.findings = separated.findings;
-        let followed = indices
+        let mut followed: Vec<usize> = indices
             .iter()
             .zip(&separated.followed)
-            .filter(|(_, followed)| **followed);
-        let mut followed: Vec<usize> = followed.map(|(index, _)| *index).collect();
+            .filter(|(_, followed)| **followed)
+            .map(|(index, _)| *index)
+            .collect();
         followed.dedup();
         self.findings.followed_trials = followed.len();
         let mut shares: Vec<Vec<(usize, TrialLines)>> = vec![Vec::new(); self.trials.len()];
@@ -184,8 +184,7 @@ impl<'s> Recordings<'s> {
                 }
             }
         }
-        let work = self.trials.par_iter_mut().zip(shares);
-        work.for_each(|(own, shares)| {
+        self.trials.par_iter_mut().zip(shares).for_each(|(own, shares)| {
             own.analysis.lines = TrialLines::of_stretches(&shares);
             // Without a line in the trial nothing was subtracted, and its estimate still holds.
             if own.analysis.lines.amplitudes_m_s2.iter().flatten().any(|&a| a > 0.0) {
@@ -244,8 +243,11 @@ impl Recorded<'_> {
     /// Estimates lags and bands of the fitted `part` again, after the signal has changed.
     pub(super) fn estimate_again(&mut self, options: &Options, part: Part) {
         let samples = self.samples();
-        let ranges = part.of(samples.len()).into_iter();
-        let parts: Vec<&[f64]> = ranges.map(|range| &samples[range]).collect();
+        let parts: Vec<&[f64]> = part
+            .of(samples.len())
+            .into_iter()
+            .map(|range| &samples[range])
+            .collect();
         let rate_hz = options.sample_rate_hz;
         let known = self.analysis.known_band(rate_hz);
         let estimate = estimate_of(rate_hz, &parts, options.order.highest(), known);
@@ -260,11 +262,10 @@ fn can_have_lines(trial: &Trial, analysis: &Analysis, options: &Options) -> bool
 
 /// Returns what lies of `ranges` within `stretch`, counted from its start.
 fn within(ranges: &[Range<usize>], stretch: &Range<usize>) -> Vec<Range<usize>> {
-    let parts = ranges
+    ranges
         .iter()
-        .map(|own| own.start.max(stretch.start)..own.end.min(stretch.end));
-    let parts = parts.filter(|own| !own.is_empty());
-    parts
+        .map(|own| own.start.max(stretch.start)..own.end.min(stretch.end))
+        .filter(|own| !own.is_empty())
         .map(|own| own.start - stretch.start..own.end - stretch.start)
         .collect()
 }

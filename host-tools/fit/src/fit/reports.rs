@@ -76,34 +76,35 @@ pub(super) fn reports(recordings: &[Recordings<'_>], options: &Options) -> Resul
     // In the order of the list, because a copy is reported with its original's number in it.
     recorded.sort_by_key(|own| own.number);
     let is_dropped = |verdict: &Verdict| options.drop.iter().any(|d| d == verdict.name());
-    let reports = recorded.iter().zip(all_verdicts(&recorded));
-    let reports = reports.map(|(own, verdicts)| {
-        let (trial, analysis) = (own.trial, &own.analysis);
-        TrialReport {
-            file: portable(&trial.file),
-            texture: trial.texture.clone(),
-            speed_mm_s: trial.speed_mm_s,
-            force_n: trial.force_n,
-            source_rate_hz: analysis.source_rate_hz,
-            rms_m_s2: analysis.power.sqrt(),
-            mean_m_s2: analysis.mean_m_s2,
-            energy_share: analysis.energy_share,
-            slow_share: analysis.slow.share,
-            high_pass_hz: analysis.slow.cut_hz,
-            axis_turn_deg: analysis.slow.turn_deg,
-            cut_s: analysis.cut_s,
-            samples: analysis.samples,
-            seconds: analysis.samples as f64 / f64::from(options.sample_rate_hz),
-            remarks: analysis.account.remarks.clone(),
-            unscaled: analysis.account.unscaled,
-            floor_shares: analysis.floor.clone(),
-            used: !verdicts.iter().any(is_dropped) && trial.is_in_motion_and_contact(),
-            verdicts,
-        }
-    });
-    let reports: Vec<TrialReport> = reports.collect();
-    let pairs = recorded.iter().zip(&reports);
-    let mut doubtful = pairs.filter_map(|(own, report)| {
+    let reports: Vec<TrialReport> = recorded
+        .iter()
+        .zip(all_verdicts(&recorded))
+        .map(|(own, verdicts)| {
+            let (trial, analysis) = (own.trial, &own.analysis);
+            TrialReport {
+                file: portable(&trial.file),
+                texture: trial.texture.clone(),
+                speed_mm_s: trial.speed_mm_s,
+                force_n: trial.force_n,
+                source_rate_hz: analysis.source_rate_hz,
+                rms_m_s2: analysis.power.sqrt(),
+                mean_m_s2: analysis.mean_m_s2,
+                energy_share: analysis.energy_share,
+                slow_share: analysis.slow.share,
+                high_pass_hz: analysis.slow.cut_hz,
+                axis_turn_deg: analysis.slow.turn_deg,
+                cut_s: analysis.cut_s,
+                samples: analysis.samples,
+                seconds: analysis.samples as f64 / f64::from(options.sample_rate_hz),
+                remarks: analysis.account.remarks.clone(),
+                unscaled: analysis.account.unscaled,
+                floor_shares: analysis.floor.clone(),
+                used: !verdicts.iter().any(is_dropped) && trial.is_in_motion_and_contact(),
+                verdicts,
+            }
+        })
+        .collect();
+    let mut doubtful = recorded.iter().zip(&reports).filter_map(|(own, report)| {
         let unscaled = || report.unscaled.map(|_| "samples without a unit: give --scale".into());
         let first = report.verdicts.first().map(ToString::to_string);
         Some((own, first.or_else(unscaled)?))

@@ -137,9 +137,13 @@ mod tests {
             (100, 20, 20, Order::Auto),
         ] {
             let whole = set(textures, speeds, forces);
-            let error = refusal(&whole, order).expect("too large");
-            let remedies = error.split("give ").nth(1).unwrap();
-            for remedy in remedies.split(", or ") {
+            for remedy in refusal(&whole, order)
+                .expect("too large")
+                .split("give ")
+                .nth(1)
+                .unwrap()
+                .split(", or ")
+            {
                 let of_remedy = remedy
                     .split("--order ")
                     .nth(1)

@@ -229,8 +229,7 @@ pub fn whole_signal(trial: &Trial, conditioning: Conditioning) -> Result<Signal>
 pub(super) fn signal_of_judged(trial: &Trial, verdicts: &[Verdict], conditioning: Conditioning) -> Result<Signal> {
     let samples = recording::read(trial)?;
     let slow_share = samples.slow_share();
-    let triaged = without_cuts(samples, slow_share, verdicts.to_vec(), conditioning);
-    triaged.into_signal(trial, conditioning.reduction)
+    without_cuts(samples, slow_share, verdicts.to_vec(), conditioning).into_signal(trial, conditioning.reduction)
 }
 
 /// Reduces the axes of `trial` to one.

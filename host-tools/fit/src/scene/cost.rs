@@ -162,8 +162,9 @@ impl std::fmt::Display for StageCost {
 }
 
 fn worst_case(scene: &Scene, library: &Library<'_>) -> Result<Cost> {
-    let plan = Plan::new(scene, library).map_err(|error| Error::Request(format!("scene '{}': {error}", scene.name)))?;
-    Ok(plan.worst_case())
+    Ok(Plan::new(scene, library)
+        .map_err(|error| Error::Request(format!("scene '{}': {error}", scene.name)))?
+        .worst_case())
 }
 
 /// Returns the terms of the stages that run on `surface`, number `index` of `scene`. They equal those of a scene with

@@ -50,8 +50,11 @@ pub fn joined(libraries: &[(&Path, Library<'_>)]) -> Result<Vec<u8>> {
         }
         for mut scene in library.scenes() {
             claim("scene", &scene.name, "compile one of them with another name")?;
-            let used = scene.surfaces.iter_mut().filter_map(|surface| surface.texture.as_mut());
-            used.for_each(|texture| *texture += before);
+            scene
+                .surfaces
+                .iter_mut()
+                .filter_map(|surface| surface.texture.as_mut())
+                .for_each(|texture| *texture += before);
             scenes.push(scene);
         }
     }
@@ -92,8 +95,10 @@ pub fn parts(texture: &Texture<'_>) -> PartsSpec {
 /// Returns the names of the surfaces of a scene from a library. They are the textures' names, because a library stores
 /// no others.
 pub fn surface_names(scene: &Scene, library: &Library<'_>) -> Vec<String> {
-    let surfaces = scene.surfaces.iter().enumerate();
-    surfaces
+    scene
+        .surfaces
+        .iter()
+        .enumerate()
         .map(|(index, surface)| {
             let texture = surface
                 .texture

@@ -52,10 +52,11 @@ pub fn decoded(bytes: &[u8]) -> Result<Library<'_>> {
 
 /// Returns in words that the level of some of `textures` is not known, if it is so.
 pub fn unknown_levels<'a>(textures: impl IntoIterator<Item = Texture<'a>>) -> Option<String> {
-    let unscaled = textures
+    let names: Vec<&str> = textures
         .into_iter()
-        .filter(|own| own.provenance() == Provenance::Unscaled);
-    let names: Vec<&str> = unscaled.map(|own| own.name()).collect();
+        .filter(|own| own.provenance() == Provenance::Unscaled)
+        .map(|own| own.name())
+        .collect();
     let which = match names[..] {
         [] => return None,
         [_] | [_, _] | [_, _, _] => names.join(", "),

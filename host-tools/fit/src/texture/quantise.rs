@@ -127,8 +127,11 @@ pub fn reflection(coefficients: Coefficients<'_>) -> Vec<f64> {
 pub fn rms_m_s2(texture: &Texture<'_>, point: &GridPoint) -> f64 {
     let power = |speed, force| f64::from(texture.node(speed, force).output_power);
     let mean = |of: fn(f64) -> f64| -> f64 {
-        let nodes = point.nodes.iter().zip(&point.weights);
-        let used = nodes.filter(|&(_, &weight)| weight > 0);
+        let used = point
+            .nodes
+            .iter()
+            .zip(&point.weights)
+            .filter(|&(_, &weight)| weight > 0);
         let term = |(&(speed, force), &weight)| f64::from(weight) * of(power(speed, force));
         used.map(term).sum::<f64>() / f64::from(ONE)
     };
@@ -194,8 +197,9 @@ mod tests {
         let (mut best, mut step_hz) = ((0.0, line_hz), 0.05);
         for _ in 0..6 {
             let middle_hz = best.1;
-            let places = (-60..=60).map(|step| middle_hz + step_hz * f64::from(step));
-            let densities = places.map(|hz| (density(&a, share, hz), hz));
+            let densities = (-60..=60)
+                .map(|step| middle_hz + step_hz * f64::from(step))
+                .map(|hz| (density(&a, share, hz), hz));
             best = densities.max_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
             step_hz /= 20.0;
         }
@@ -307,8 +311,7 @@ mod tests {
     fn lines_over_a_floor(radius: f64, lines_hz: &[f64], order: usize) -> Vec<f64> {
         let lag = |lag: usize| {
             let angle = std::f64::consts::TAU * lag as f64 / f64::from(model_format::SAMPLE_RATE_HZ);
-            let lines = lines_hz.iter().map(|hz| (angle * hz).cos());
-            let mean = lines.sum::<f64>() / lines_hz.len() as f64;
+            let mean = lines_hz.iter().map(|hz| (angle * hz).cos()).sum::<f64>() / lines_hz.len() as f64;
             radius.powi(lag as i32) * mean + if lag == 0 { 1e-6 } else { 0.0 }
         };
         let lags: Vec<f64> = (0..=order).map(lag).collect();

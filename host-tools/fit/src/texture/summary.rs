@@ -170,8 +170,10 @@ impl TextureSummary {
 
 /// Returns the tails of the nodes that have one.
 fn tails<'a>(texture: &Texture<'a>) -> impl Iterator<Item = Tail<'a>> {
-    let tails = texture.nodes().map(|node| node.coefficients.tail);
-    tails.filter(|tail| !tail.codes.is_empty())
+    texture
+        .nodes()
+        .map(|node| node.coefficients.tail)
+        .filter(|tail| !tail.codes.is_empty())
 }
 
 fn tail_range_rad(texture: &Texture<'_>) -> [f64; 2] {

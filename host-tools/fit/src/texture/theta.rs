@@ -37,14 +37,18 @@ pub fn store(grid: &Grid, nodes: Vec<NodeSpec>, sample_rate_hz: u32) -> Vec<Node
     if !grid.models.iter().any(is_long) {
         return nodes;
     }
-    let compacted = (grid.models.par_iter()).map(|model| compacted(model, sample_rate_hz));
-    let compacted: Vec<(CodeSpec, Option<ModelError>)> = compacted.collect();
+    let compacted: Vec<(CodeSpec, Option<ModelError>)> = (grid.models.par_iter())
+        .map(|model| compacted(model, sample_rate_hz))
+        .collect();
     // A library has one form of θ per texture, so one node decides for all.
     if !compacted.iter().all(|(_, error)| is_unfelt(*error)) {
         return nodes;
     }
-    let both = nodes.iter().zip(compacted);
-    both.map(|(node, (codes, _))| with_codes(node, codes)).collect()
+    nodes
+        .iter()
+        .zip(compacted)
+        .map(|(node, (codes, _))| with_codes(node, codes))
+        .collect()
 }
 
 /// Returns whether an error, if there is one, is within its bounds.
@@ -120,8 +124,7 @@ mod tests {
 
     /// Returns the errors of `nodes` against the models of `grid`, in their order.
     fn errors<'n>(grid: &'n Grid, nodes: &'n [NodeSpec]) -> impl Iterator<Item = ModelError> + 'n {
-        let both = grid.models.iter().zip(nodes);
-        both.map(|(model, node)| {
+        grid.models.iter().zip(nodes).map(|(model, node)| {
             let stored = stored_reflection(&node.codes);
             ModelError::between(&model.reflection, &stored, f64::from(SAMPLE_RATE_HZ))
         })

@@ -23,14 +23,17 @@ fn fixture_cases() -> Vec<Value> {
 }
 
 fn numbers(case: &Value, field: &str) -> Vec<f64> {
-    let values = case[field].as_array().expect(field);
-    values.iter().map(|value| value.as_f64().unwrap()).collect()
+    case[field]
+        .as_array()
+        .expect(field)
+        .iter()
+        .map(|value| value.as_f64().unwrap())
+        .collect()
 }
 
 fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
     assert_eq!(a.len(), b.len());
-    let differences = a.iter().zip(b).map(|(a, b)| (a - b).abs());
-    differences.fold(0.0, f64::max)
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
 /// Tolerance of a case. Round-off grows with the condition number of the normal equations: about 2e4 for H1, 1e6 for
@@ -82,8 +85,7 @@ fn the_mean_of_stable_predictors_is_not_stable_for_the_pairs_that_are_known() {
     };
     for (a, b) in [("H1a", "H1b"), ("H2a", "H2b")] {
         let (a, b) = (predictor(a), predictor(b));
-        let mean = a.iter().zip(&b).map(|(a, b)| f64::midpoint(*a, *b));
-        let mean: Vec<f64> = mean.collect();
+        let mean: Vec<f64> = a.iter().zip(&b).map(|(a, b)| f64::midpoint(*a, *b)).collect();
         assert!(step_down(&a).is_some() && step_down(&b).is_some());
         assert!(step_down(&mean).is_none());
     }

@@ -187,8 +187,7 @@ mod tests {
             "usb-virtual:localhost",
             "bluetooth:stylus",
         ] {
-            let message = text.parse::<LinkAddress>().unwrap_err();
-            holds(&message, &["tcp:HOST:PORT"]);
+            holds(&text.parse::<LinkAddress>().unwrap_err(), &["tcp:HOST:PORT"]);
         }
     }
 }

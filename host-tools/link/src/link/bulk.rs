@@ -80,8 +80,10 @@ impl<O: BulkOut> WireTx for UsbTx<O> {
         }
         // A frame counts as sent when its transfers have ended, so that a queue in the operating system cannot grow.
         while self.endpoint.pending() > 0 {
-            let ended = self.endpoint.next().await;
-            ended.inspect_err(|failure| self.health.end(failure))?;
+            self.endpoint
+                .next()
+                .await
+                .inspect_err(|failure| self.health.end(failure))?;
         }
         Ok(())
     }

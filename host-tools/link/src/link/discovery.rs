@@ -230,13 +230,15 @@ fn choose(found: &[Attached]) -> Result<(LinkAddress, Option<String>)> {
             })
         }
         [one] => {
-            let others = found.iter().filter(|other| {
-                other.link != one.link
-                    && !other.is_further
-                    && other.kind != Kind::OtherSerial
-                    && matches!(other.identity, Identity::NotAsked)
-            });
-            let others: Vec<&Attached> = others.collect();
+            let others: Vec<&Attached> = found
+                .iter()
+                .filter(|other| {
+                    other.link != one.link
+                        && !other.is_further
+                        && other.kind != Kind::OtherSerial
+                        && matches!(other.identity, Identity::NotAsked)
+                })
+                .collect();
             let note = match (one.kind, others.is_empty()) {
                 (Kind::Usb, true) => None,
                 (_, true) => Some(format!("{}: the only stylus found", one.link)),
@@ -259,8 +261,10 @@ fn choose(found: &[Attached]) -> Result<(LinkAddress, Option<String>)> {
 
 /// Returns the name that a probe or adapter reports, with its serial number.
 fn name(info: &UsbPortInfo) -> String {
-    let product = info.product.clone();
-    let product = product.unwrap_or_else(|| format!("{:04x}:{:04x}", info.vid, info.pid));
+    let product = info
+        .product
+        .clone()
+        .unwrap_or_else(|| format!("{:04x}:{:04x}", info.vid, info.pid));
     match &info.serial_number {
         Some(serial) => format!("{product} {serial}"),
         None => product,

@@ -13,8 +13,10 @@ pub(super) fn of_file(path: &Path) -> Option<String> {
 /// Returns the other programs that are connected to one of `ports`, in words; `None` if the system reports none.
 pub(super) fn of_ports(ports: &[SocketAddr]) -> Option<String> {
     let tables = ["/proc/net/tcp", "/proc/net/tcp6"].map(std::fs::read_to_string);
-    let tables = tables.iter().flatten();
-    let sockets = tables.flat_map(|table| table.lines().filter_map(|row| socket_to(ports, row)));
+    let sockets = tables
+        .iter()
+        .flatten()
+        .flat_map(|table| table.lines().filter_map(|row| socket_to(ports, row)));
     let files: Vec<PathBuf> = sockets.map(|inode| format!("socket:[{inode}]").into()).collect();
     processes_with(&files)
 }
@@ -44,18 +46,24 @@ fn in_table(port: SocketAddr) -> String {
 
 /// Returns the other processes that have one of these files open, in words; `None` if there is none.
 fn processes_with(files: &[PathBuf]) -> Option<String> {
-    let entries = std::fs::read_dir("/proc").ok()?.flatten();
-    let numbers = entries.filter_map(|entry| entry.file_name().to_str()?.parse::<u32>().ok());
+    let numbers = std::fs::read_dir("/proc")
+        .ok()?
+        .flatten()
+        .filter_map(|entry| entry.file_name().to_str()?.parse::<u32>().ok());
     let has_one = |process: &u32| {
-        let open = std::fs::read_dir(format!("/proc/{process}/fd"));
-        let mut open = open.into_iter().flatten().flatten();
+        let mut open = std::fs::read_dir(format!("/proc/{process}/fd"))
+            .into_iter()
+            .flatten()
+            .flatten();
         open.any(|open| {
             let target = std::fs::read_link(open.path());
             target.is_ok_and(|target| files.contains(&target))
         })
     };
-    let others = numbers.filter(|process| *process != std::process::id() && has_one(process));
-    let words: Vec<String> = others.map(in_words).collect();
+    let words: Vec<String> = numbers
+        .filter(|process| *process != std::process::id() && has_one(process))
+        .map(in_words)
+        .collect();
     (!words.is_empty()).then(|| words.join(" and "))
 }
 

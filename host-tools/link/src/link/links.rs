@@ -16,8 +16,11 @@ const ST_LINK_PRODUCT_IDS: [u16; 8] = [0x374a, 0x374b, 0x374e, 0x374f, 0x3752, 0
 
 /// Returns the links on USB.
 pub(super) async fn on_usb() -> Result<Vec<LinkAddress>> {
-    let serials = usb::serial_numbers().await?.into_iter();
-    Ok(serials.map(|serial| LinkAddress::Usb { serial }).collect())
+    Ok(usb::serial_numbers()
+        .await?
+        .into_iter()
+        .map(|serial| LinkAddress::Usb { serial })
+        .collect())
 }
 
 /// Returns the serial ports behind USB, with their names.
@@ -26,8 +29,8 @@ pub(super) fn serial_ports() -> Vec<(String, UsbPortInfo)> {
     if cfg!(target_os = "linux") && !Path::new("/sys/class/tty").is_dir() {
         return Vec::new();
     }
-    let ports = tokio_serial::available_ports().unwrap_or_default();
-    let mut ports: Vec<(String, UsbPortInfo)> = ports
+    let mut ports: Vec<(String, UsbPortInfo)> = tokio_serial::available_ports()
+        .unwrap_or_default()
         .into_iter()
         .filter_map(|port| match port.port_type {
             SerialPortType::UsbPort(info) => Some((port.port_name, info)),
@@ -55,8 +58,7 @@ pub(super) fn of_virtual_ones() -> Vec<Vec<LinkAddress>> {
 pub(super) async fn beside(link: &LinkAddress) -> Vec<LinkAddress> {
     match link {
         LinkAddress::Usb { .. } => {
-            let ports = serial_ports().into_iter();
-            let probes = ports.filter(|(_, info)| is_st_link(info));
+            let probes = serial_ports().into_iter().filter(|(_, info)| is_st_link(info));
             let link = |path: String| LinkAddress::Serial { path: path.into() };
             probes.map(|(path, _)| link(path)).collect()
         }
@@ -64,9 +66,11 @@ pub(super) async fn beside(link: &LinkAddress) -> Vec<LinkAddress> {
         LinkAddress::Serial { .. } => on_usb().await.unwrap_or_default(),
         LinkAddress::Tcp { .. } | LinkAddress::UsbVirtual { .. } => {
             let mut ones = of_virtual_ones().into_iter();
-            let own = ones.find(|links| links.iter().any(|one| one.is_of_same_port(link)));
-            let others = own.into_iter().flatten();
-            others.filter(|one| !one.is_of_same_port(link)).collect()
+            ones.find(|links| links.iter().any(|one| one.is_of_same_port(link)))
+                .into_iter()
+                .flatten()
+                .filter(|one| !one.is_of_same_port(link))
+                .collect()
         }
     }
 }

@@ -78,8 +78,7 @@ pub(super) async fn explained(failure: LinkError, address: &LinkAddress) -> Link
     };
     match failure {
         LinkError::Busy { link, holder, .. } => {
-            let others = beside(address).await;
-            let others = others.iter().map(ToString::to_string).collect();
+            let others = beside(address).await.iter().map(ToString::to_string).collect();
             LinkError::Busy { link, holder, others }
         }
         failure => failure,

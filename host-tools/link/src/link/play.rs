@@ -1,8 +1,7 @@
 //! Playing under control of the host: motions at a fixed rate, and keep-alives while there is no motion to send.
 
 use std::collections::VecDeque;
-use std::sync::mpsc;
-use std::sync::mpsc::{Receiver, Sender, TryRecvError};
+use std::sync::mpsc::{self, Receiver, Sender, TryRecvError};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -352,8 +351,9 @@ pub fn vibration_m_s2(status: &Status) -> f64 {
 
 /// Number of mutes since the device's start, without those that belong to the begin and the end of every play.
 fn mutes(status: &Status) -> u32 {
-    let counts = MuteReason::ALL.iter().zip(status.output.mute_counts);
-    counts
+    MuteReason::ALL
+        .iter()
+        .zip(status.output.mute_counts)
         .filter(|(reason, _)| !matches!(reason, MuteReason::NotPlaying | MuteReason::Changing))
         .map(|(_, count)| count)
         .sum()

@@ -174,8 +174,9 @@ pub fn consequences(before: Known<'_>, after: Known<'_>, changed: SettingSet) ->
     };
     let mut lines: Vec<String> = changed.iter().map(line).collect();
     lines.extend(before.in_force().map(|limits| format!("  before: {limits}")));
-    let limits = after.in_force();
-    let limits = limits.unwrap_or_else(|| "nothing plays until what is not set is set".to_owned());
+    let limits = after
+        .in_force()
+        .unwrap_or_else(|| "nothing plays until what is not set is set".to_owned());
     lines.push(format!("  after:  {limits}"));
     lines
 }
@@ -219,8 +220,7 @@ mod tests {
     use super::*;
 
     fn with(pairs: &[(Setting, f32)]) -> Settings {
-        let changes = pairs.iter();
-        changes.fold(Settings::default(), |settings, &(setting, value)| {
+        pairs.iter().fold(Settings::default(), |settings, &(setting, value)| {
             settings.with(SettingChange { setting, value }).unwrap()
         })
     }
@@ -285,8 +285,7 @@ mod tests {
         let lines = consequences(known(&settings), reset, unset);
         let (last, values) = lines.split_last().expect("there are lines");
         let values = &values[..values.len() - 1];
-        let are_unset = values.iter().all(|line| line.ends_with(" -> not set"));
-        assert!(are_unset, "{lines:?}");
+        assert!(values.iter().all(|line| line.ends_with(" -> not set")), "{lines:?}");
         assert!(last.contains("nothing plays until"), "{lines:?}");
     }
 }

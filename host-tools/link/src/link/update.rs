@@ -29,11 +29,12 @@ impl UpdateFile {
     pub fn read(path: &Path) -> crate::support::error::Result<Self> {
         let bytes = Format::Update.read(path)?;
         let header = ImageHeader::read(&bytes);
-        let whole = header.filter(|header| bytes.len() == SIGNED_BYTES + header.length as usize);
-        let header = whole.ok_or_else(|| {
-            let problem = "is not an update: give a file that `cargo tasks image` wrote";
-            Error::file(path, problem.to_owned())
-        })?;
+        let header = header
+            .filter(|header| bytes.len() == SIGNED_BYTES + header.length as usize)
+            .ok_or_else(|| {
+                let problem = "is not an update: give a file that `cargo tasks image` wrote";
+                Error::file(path, problem.to_owned())
+            })?;
         Ok(Self { header, bytes })
     }
 

@@ -76,15 +76,19 @@ fn is_stylus(ids: (u16, u16), product: Option<&str>, serial: Option<&str>) -> bo
 
 /// Serial numbers of the styluses on USB, where they have one.
 pub(super) async fn serial_numbers() -> Result<Vec<Option<String>>> {
-    let attached = attached("usb").await?;
-    let serials = attached.iter().map(DeviceInfo::serial_number);
-    Ok(serials.map(|serial| serial.map(str::to_owned)).collect())
+    Ok(attached("usb")
+        .await?
+        .iter()
+        .map(DeviceInfo::serial_number)
+        .map(|serial| serial.map(str::to_owned))
+        .collect())
 }
 
 fn choose(mut styluses: Vec<DeviceInfo>, wanted: Option<&str>) -> Result<DeviceInfo> {
     let found = || -> Vec<String> {
-        let serials = styluses.iter().map(DeviceInfo::serial_number);
-        serials
+        styluses
+            .iter()
+            .map(DeviceInfo::serial_number)
             .map(|serial| serial.unwrap_or("(no serial number)").to_owned())
             .collect()
     };
@@ -99,11 +103,13 @@ fn choose(mut styluses: Vec<DeviceInfo>, wanted: Option<&str>) -> Result<DeviceI
                     .serial_number()
                     .is_some_and(|serial| serial.eq_ignore_ascii_case(wanted))
             };
-            let index = styluses.iter().position(matches);
-            index.ok_or_else(|| LinkError::NoSuchSerial {
-                wanted: wanted.to_owned(),
-                found: found(),
-            })?
+            styluses
+                .iter()
+                .position(matches)
+                .ok_or_else(|| LinkError::NoSuchSerial {
+                    wanted: wanted.to_owned(),
+                    found: found(),
+                })?
         }
     };
     Ok(styluses.swap_remove(index))

@@ -96,6 +96,11 @@ impl fmt::Display for Mismatch {
 /// Returns the numbers of a version such as `0.1.12`, up to the first part that is not a number.
 fn numbers(version: &str) -> Vec<u32> {
     // A suffix, such as a revision, says nothing about the order.
-    let core = version.split(['-', '+', ' ']).next().unwrap_or_default();
-    core.split('.').map_while(|part| part.parse().ok()).collect()
+    version
+        .split(['-', '+', ' '])
+        .next()
+        .unwrap_or_default()
+        .split('.')
+        .map_while(|part| part.parse().ok())
+        .collect()
 }

@@ -70,14 +70,17 @@ impl PlannedTrial {
                 let problem = format!("lists more than {MOST_TRIALS} trials: make several lists");
                 return Err(row.error(problem));
             }
-            let own = name.map(|index| row.text(index)).filter(|name| !name.is_empty());
-            let Some(texture) = own.or(texture) else {
+            let Some(texture) = name
+                .map(|index| row.text(index))
+                .filter(|name| !name.is_empty())
+                .or(texture)
+            else {
                 return Err(row.error("no texture: add a column 'texture', or give --texture"));
             };
             let sound = |index: usize, name: &str, fault: fn(f64) -> Option<String>| {
                 let value = row.finite(index, name)?;
-                let negative = (value < 0.0).then(|| "negative: a trial is at 0 or above".to_owned());
-                negative
+                (value < 0.0)
+                    .then(|| "negative: a trial is at 0 or above".to_owned())
                     .or_else(|| fault(value))
                     .map_or(Ok(value), |fault| Err(row.error(format!("{name} is {fault}"))))
             };
@@ -187,8 +190,11 @@ impl Folder {
     /// # Errors
     /// Such names. The error has the first two.
     pub fn check_names(&self, planned: &[PlannedTrial]) -> Result<()> {
-        let there = self.done.iter().map(|(texture, ..)| texture.as_str());
-        let all = there.chain(planned.iter().map(|trial| trial.texture.as_str()));
+        let all = self
+            .done
+            .iter()
+            .map(|(texture, ..)| texture.as_str())
+            .chain(planned.iter().map(|trial| trial.texture.as_str()));
         let mut names: HashMap<String, &str> = HashMap::new();
         for name in all {
             let earlier = *names.entry(file_name::folded(name)).or_insert(name);
@@ -219,9 +225,11 @@ impl Folder {
         let folder = file.parent().unwrap_or(&self.path);
         fs::create_dir_all(folder).map_err(Error::io("create", folder))?;
         let scale_m_s2 = scale_m_s2(calibration);
-        let samples = capture.samples.iter();
-        let samples = samples.flat_map(|sample| calibration.acceleration(sample));
-        let samples = samples.map(|acceleration_m_s2| acceleration_m_s2 / scale_m_s2);
+        let samples = capture
+            .samples
+            .iter()
+            .flat_map(|sample| calibration.acceleration(sample))
+            .map(|acceleration_m_s2| acceleration_m_s2 / scale_m_s2);
         let wav = float_wav(3, capture.rate_hz, samples).map_err(|failure| Error::file(&file, failure.to_string()))?;
         atomic_file::write(&file, &wav)?;
         let line = row([
@@ -262,17 +270,21 @@ fn row<const N: usize>(fields: [&str; N]) -> String {
 /// First field of a line of the list; empty for a comment.
 fn first_field(line: &str) -> String {
     let first = |table: CsvTable| Some(table.rows().ok()?.next_row().ok()??.text(0).to_owned());
-    let table = CsvTable::of(Path::new(TRIALS_FILE), line.to_owned());
-    table.ok().and_then(first).unwrap_or_default()
+    CsvTable::of(Path::new(TRIALS_FILE), line.to_owned())
+        .ok()
+        .and_then(first)
+        .unwrap_or_default()
 }
 
 /// Largest acceleration that an axis can show at an end of the converter's range, m/s².
 fn scale_m_s2(calibration: &Calibration) -> f64 {
-    let zeros = calibration.acceleration_zero.iter();
-    let axes = zeros.zip(calibration.m_s2_per_code);
-    let largest = axes.fold(0.0, |most: f64, (zero, scale)| {
-        most.max(zero.max(f64::from(u16::MAX) - zero) * scale.abs())
-    });
+    let largest = calibration
+        .acceleration_zero
+        .iter()
+        .zip(calibration.m_s2_per_code)
+        .fold(0.0, |most: f64, (zero, scale)| {
+            most.max(zero.max(f64::from(u16::MAX) - zero) * scale.abs())
+        });
     // A reader refuses a scale of zero. All samples are zero in that case, so that any other scale serves.
     if largest > 0.0 { largest } else { 1.0 }
 }
@@ -379,8 +391,7 @@ mod tests {
         let list = folder.path().join(TRIALS_FILE);
         let text = "file,texture,speed_mm_s,force_n\na.wav,silk,1,1\n";
         std::fs::write(&list, text).unwrap();
-        let message = Folder::open(folder.path()).unwrap_err();
-        holds(&message, &["name a new folder"]);
+        holds(&Folder::open(folder.path()).unwrap_err(), &["name a new folder"]);
         assert_eq!(std::fs::read_to_string(&list).unwrap(), text);
     }
 

@@ -120,6 +120,7 @@ impl Strokes {
 mod tests {
     use super::*;
     use model_format::AdcCode;
+    use test_helpers::near;
 
     const CALIBRATION: Calibration = Calibration {
         acceleration_zero: [32_768.0; 3],
@@ -146,7 +147,7 @@ mod tests {
     #[test]
     fn speeds_are_the_encoders_also_beside_a_hole() {
         for speed in strokes(400..450).speeds_mm_s(&CALIBRATION) {
-            assert!((speed - 45.0).abs() < 1.0, "{speed}");
+            near(speed, 45.0, 1.0);
         }
     }
 
@@ -164,9 +165,9 @@ mod tests {
             let lost = (400..450).contains(&n);
             assert_eq!(read.is_outlier[n], lost, "sample {n}");
             if !lost {
-                assert!((read.axes[0][n] - 0.001 * n as f64).abs() < 1e-5);
+                near(read.axes[0][n], 0.001 * n as f64, 1e-5);
                 assert!((read.axes[2][n] + 0.1).abs() < 1e-5);
-                assert!((read.force_n[n] - 1.0).abs() < 1e-4);
+                near(read.force_n[n], 1.0, 1e-4);
             }
         }
     }

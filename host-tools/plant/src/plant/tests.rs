@@ -30,16 +30,16 @@ const HARDENING: Fault = Fault::MovingResonance { doubles_at_m: 2e-4 };
 
 /// Returns some specimens of every preset with every hand, without faults and with nonlinear forces.
 fn specimens() -> impl Iterator<Item = Parameters> {
-    let names = PRESETS
+    PRESETS
         .iter()
-        .flat_map(|name| ["", "/firm", "/free"].map(|hand| format!("{name}{hand}")));
-    let specimens = names.flat_map(|name| (0..4).map(move |seed| preset(&name).varied(seed)));
-    specimens.flat_map(|sound| {
-        [vec![], vec![RATTLE], vec![HARDENING]].map(|faults| Parameters {
-            faults,
-            ..sound.clone()
+        .flat_map(|name| ["", "/firm", "/free"].map(|hand| format!("{name}{hand}")))
+        .flat_map(|name| (0..4).map(move |seed| preset(&name).varied(seed)))
+        .flat_map(|sound| {
+            [vec![], vec![RATTLE], vec![HARDENING]].map(|faults| Parameters {
+                faults,
+                ..sound.clone()
+            })
         })
-    })
 }
 
 /// Energy in magnetic field, masses and springs, J.
@@ -155,10 +155,8 @@ fn the_presets_have_the_published_accelerations() {
     let mark = 9.0 * at_coil("mark-ii-d", 0.100 + 0.0087, 65.0);
     assert!((mark / 39.2 - 1.0).abs() < 0.1, "{mark}");
     for name in PRESETS {
-        let [light, firm, free] = ["/light", "/firm", "/free"].map(|hand| {
-            let plant = Plant::new(&preset(&format!("{name}{hand}")), 0);
-            plant.response(20.0).norm()
-        });
+        let [light, firm, free] = ["/light", "/firm", "/free"]
+            .map(|hand| Plant::new(&preset(&format!("{name}{hand}")), 0).response(20.0).norm());
         assert!(light != firm && firm != free && free != light);
     }
 }
@@ -317,7 +315,6 @@ fn parameters_survive_their_text_and_errors_name_the_key() {
     assert!(told("gap_m = ", "gap_m = 9").contains("faults.gap_m"));
     assert!(told("open-wire", "open").contains("open"));
     assert!(Parameters::preset("haptuator/loose").is_err());
-    let missing = Parameters::read("no/such.toml".as_ref()).unwrap_err();
-    let missing = missing.to_string();
+    let missing = Parameters::read("no/such.toml".as_ref()).unwrap_err().to_string();
     assert!(missing.contains("no/such.toml") && missing.contains("mark-ii-d"));
 }

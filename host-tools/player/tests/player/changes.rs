@@ -113,8 +113,9 @@ fn what_cannot_be_played_is_refused_with_its_remedy_and_what_plays_goes_on() {
     let (other_mover, mut other) = playing(&LIBRARIES[0], 1, 5000);
     let slow = library(&specs()[..2], 2000);
     let choose = |library, selection| {
-        let refused = mover.choose(library, selection, Without::default(), 1);
-        refused.expect_err("it is not there")
+        mover
+            .choose(library, selection, Without::default(), 1)
+            .expect_err("it is not there")
     };
     let no_texture = ChoiceError::NoTexture { index: 99, count: 12 };
     assert_eq!(choose(&LIBRARIES[0], Selection::Texture(99)), Fault::Choice(no_texture));

@@ -14,13 +14,14 @@ pub static LIBRARIES: LazyLock<[SharedLibrary; 2]> =
 /// A library of `specs`, as textures of `rate_hz`, with a scene of its first two.
 pub fn library(specs: &[TextureSpec], rate_hz: u32) -> SharedLibrary {
     let textures: Vec<TextureSpec> = specs.to_vec();
-    let textures = textures.into_iter().map(|spec| TextureSpec {
-        sample_rate_hz: rate_hz,
-        ..spec
-    });
-    let textures: Vec<TextureSpec> = textures.collect();
-    let bytes = encode_with_scenes(&textures, &[with_all_effects(rate_hz)]);
-    let bytes = bytes.expect("within the limits");
+    let textures: Vec<TextureSpec> = textures
+        .into_iter()
+        .map(|spec| TextureSpec {
+            sample_rate_hz: rate_hz,
+            ..spec
+        })
+        .collect();
+    let bytes = encode_with_scenes(&textures, &[with_all_effects(rate_hz)]).expect("within the limits");
     SharedLibrary::decode(bytes).expect("it is valid")
 }
 
@@ -40,8 +41,9 @@ pub fn playing_as_rendered(library: &SharedLibrary, index: usize, output_rate_hz
 
 pub fn choose(mover: &Mover, library: &SharedLibrary, index: usize) {
     let selection = Selection::Texture(index);
-    let chosen = mover.choose(library, selection, Without::default(), 5);
-    chosen.expect("it is there");
+    mover
+        .choose(library, selection, Without::default(), 5)
+        .expect("it is there");
 }
 
 /// Returns the samples of `blocks` blocks of 2 ms. The motion is sent before each.
@@ -56,6 +58,8 @@ pub fn rubbed(mover: &Mover, filler: &mut Filler, blocks: usize, motion: (f64, f
 
 /// The largest difference of neighbouring samples.
 pub fn largest_step(samples: &[f32]) -> f32 {
-    let steps = samples.windows(2).map(|pair| (pair[1] - pair[0]).abs());
-    steps.fold(0.0, f32::max)
+    samples
+        .windows(2)
+        .map(|pair| (pair[1] - pair[0]).abs())
+        .fold(0.0, f32::max)
 }

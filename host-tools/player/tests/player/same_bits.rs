@@ -11,13 +11,14 @@ use crate::common::LIBRARIES;
 fn motions() -> impl Strategy<Value = Vec<BlockMotion>> {
     let speed = prop_oneof![5 => -400.0..400.0f32, 1 => Just(0.0), 1 => -1e-3..1e-3f32];
     let force = prop_oneof![5 => 0.0..4.0f32, 1 => Just(0.0), 1 => 0.0..0.03f32];
-    let motion = (speed, force, -60.0..60.0f32, -2.0..2.0f32, any::<bool>());
-    let motion = motion.prop_map(|(speed, force, begin_mm, way_mm, contact)| BlockMotion {
-        begin_mm: f64::from(begin_mm),
-        end_mm: f64::from(begin_mm + way_mm),
-        contact: f64::from(u8::from(contact)),
-        ..BlockMotion::new(f64::from(speed), f64::from(force))
-    });
+    let motion = (speed, force, -60.0..60.0f32, -2.0..2.0f32, any::<bool>()).prop_map(
+        |(speed, force, begin_mm, way_mm, contact)| BlockMotion {
+            begin_mm: f64::from(begin_mm),
+            end_mm: f64::from(begin_mm + way_mm),
+            contact: f64::from(u8::from(contact)),
+            ..BlockMotion::new(f64::from(speed), f64::from(force))
+        },
+    );
     let held = prop::collection::vec((motion, 1usize..12), 1..12);
     (held, any::<bool>()).prop_map(|(held, tells_contact)| {
         let blocks = held
@@ -75,8 +76,9 @@ proptest! {
         let rate_hz = plan.sample_rate_hz();
         let path = path_of(&blocks, rate_hz);
         let rendering = Rendering::of_plan(plan, &path, blocks.len() as f64 * 0.002, seed);
-        let rendered = rendering.expect("it is short").map(|word| word.metres_per_second_squared().0.to_bits());
-        let rendered: Vec<u32> = rendered.collect();
+        let rendered: Vec<u32> = rendering.expect("it is short")
+            .map(|word| word.metres_per_second_squared().0.to_bits())
+            .collect();
 
         let (mover, mut filler) = player_as_rendered(rate_hz).expect("it is a rate of textures");
         mover.choose(shared, selection, without, seed).expect("it is there");

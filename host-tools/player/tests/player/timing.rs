@@ -52,8 +52,11 @@ fn a_move_changes_a_sample_within_the_latency_that_is_stated() {
 fn the_middle_of_a_steps_change_comes_after_the_latency_that_is_stated_in_the_mean_and_1_ms_later_at_most() {
     assert!(latency_s(5000, 44_100) <= 0.0026 && latency_s(5000, 48_000) <= 0.0026);
     let all = specs();
-    let lines = all.iter().filter(|spec| spec.name.contains("four lines")).cloned();
-    let mut lines: Vec<TextureSpec> = lines.collect();
+    let mut lines: Vec<TextureSpec> = all
+        .iter()
+        .filter(|spec| spec.name.contains("four lines"))
+        .cloned()
+        .collect();
     for node in lines.iter_mut().flat_map(|spec| &mut spec.nodes) {
         node.output_power *= 1e-10;
         node.prediction_error_power *= 1e-10;
@@ -79,18 +82,19 @@ fn the_middle_of_a_steps_change_comes_after_the_latency_that_is_stated_in_the_me
                 samples
             };
             // All over a block.
-            let offsets = (0..block).step_by(block.div_ceil(20));
-            let middles_s = offsets.map(|offset| {
-                let (mover, mut filler) = playing_as_rendered(&library, 0, rate_hz);
-                fill(&mover, &mut filler, (3.0, 1.0), rate_hz as usize / 25 + offset);
-                let samples = fill(&mover, &mut filler, to, rate_hz as usize / 25);
-                let (before, after) = (f64::from(samples[0]), f64::from(samples[samples.len() - 1]));
-                let share = |at: usize| (f64::from(samples[at]) - before) / (after - before);
-                let first = (1..samples.len()).find(|at| share(*at) >= 0.5).expect("it changes");
-                let within = (0.5 - share(first - 1)) / (share(first) - share(first - 1));
-                ((first - 1) as f64 + within) / f64::from(rate_hz)
-            });
-            let middles_s: Vec<f64> = middles_s.collect();
+            let middles_s: Vec<f64> = (0..block)
+                .step_by(block.div_ceil(20))
+                .map(|offset| {
+                    let (mover, mut filler) = playing_as_rendered(&library, 0, rate_hz);
+                    fill(&mover, &mut filler, (3.0, 1.0), rate_hz as usize / 25 + offset);
+                    let samples = fill(&mover, &mut filler, to, rate_hz as usize / 25);
+                    let (before, after) = (f64::from(samples[0]), f64::from(samples[samples.len() - 1]));
+                    let share = |at: usize| (f64::from(samples[at]) - before) / (after - before);
+                    let first = (1..samples.len()).find(|at| share(*at) >= 0.5).expect("it changes");
+                    let within = (0.5 - share(first - 1)) / (share(first) - share(first - 1));
+                    ((first - 1) as f64 + within) / f64::from(rate_hz)
+                })
+                .collect();
             let mean_s = middles_s.iter().sum::<f64>() / middles_s.len() as f64;
             let longest_s = middles_s.iter().fold(0.0, |longest: f64, middle| longest.max(*middle));
             let stated_s = latency_s(sample_rate_hz, rate_hz);

@@ -309,8 +309,12 @@ impl<'a> Axis<'a> {
                 let index = value.round();
                 // plotters sums up steps, so its octaves are only approximately whole numbers.
                 let is_there = index >= 0.0 && (value - index).abs() < 1e-6;
-                let name = is_there.then(|| names.get(index as usize)).flatten();
-                name.copied().unwrap_or_default().to_owned()
+                is_there
+                    .then(|| names.get(index as usize))
+                    .flatten()
+                    .copied()
+                    .unwrap_or_default()
+                    .to_owned()
             }
         }
     }

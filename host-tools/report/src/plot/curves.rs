@@ -65,8 +65,10 @@ pub fn front_chart(
     let start = lowest - first - 0.5;
     let end = (highest - first + 0.3).max(start.ceil() + 2.0);
     // Bounded, because values of any size may be drawn.
-    let octaves = (0..=end.min(64.0) as i32).map(|n| (first + f64::from(n)).exp2());
-    let octaves: Vec<String> = octaves.map(|value| value.to_string()).collect();
+    let octaves: Vec<String> = (0..=end.min(64.0) as i32)
+        .map(|n| (first + f64::from(n)).exp2())
+        .map(|value| value.to_string())
+        .collect();
     let octaves: Vec<&str> = octaves.iter().map(String::as_str).collect();
     let (x, origin) = if in_octaves {
         (Axis::of_octaves(x, start..end, first, &octaves), first)
@@ -79,8 +81,9 @@ pub fn front_chart(
         dashed: series.dashed,
         ..Stroke::solid(colour(&series.name), 3)
     };
-    let entries = series.iter().chain(&fronts);
-    let entries: Vec<(Swatch, &str)> = entries
+    let entries: Vec<(Swatch, &str)> = series
+        .iter()
+        .chain(&fronts)
         .map(|series| (Swatch::Line(stroke(series)), series.name.as_str()))
         .collect();
     chart(caption, (960, 560), &entries, (&x, &y), |plot| {
@@ -100,11 +103,13 @@ pub fn front_chart(
 /// Returns the series of `all` that have drawable points, with only these points.
 fn drawable(all: &[FrontSeries], in_octaves: bool) -> Vec<FrontSeries> {
     let is_drawn = |point: &&FrontPoint| point.x.is_finite() && point.y.is_finite() && (!in_octaves || point.x > 0.0);
-    let kept = all.iter().map(|series| FrontSeries {
-        points: series.points.iter().filter(is_drawn).cloned().collect(),
-        ..series.clone()
-    });
-    kept.filter(|series| !series.points.is_empty()).collect()
+    all.iter()
+        .map(|series| FrontSeries {
+            points: series.points.iter().filter(is_drawn).cloned().collect(),
+            ..series.clone()
+        })
+        .filter(|series| !series.points.is_empty())
+        .collect()
 }
 
 /// Draws choices at their `place`s, as dots joined by a line; the line of a front is in steps.
@@ -127,8 +132,7 @@ fn draw_front_series(
     let dots = series.points.iter().map(&place);
     plot.chart
         .draw_series(dots.map(|dot| Circle::new(dot, radius, style)))?;
-    let values = series.points.iter().map(|point| (point.x, point.y));
-    let values: Vec<(f64, f64)> = values.collect();
+    let values: Vec<(f64, f64)> = series.points.iter().map(|point| (point.x, point.y)).collect();
     let names = series.points.iter().map(|point| point.name.clone());
     plot.panel.series.push(Series {
         notes: names.collect(),
@@ -189,9 +193,12 @@ pub fn spectra(
         [(recorded, BLUE, "recorded"), (synthesised, VERMILION, "synthesised")].map(|(signal, colour, name)| {
             let scale = (2.0 / (len.max(1) as f64 * rate_hz)).sqrt();
             let amplitude = smoothed_amplitude(&signal[..len], rate_hz, smoothing_width_hz);
-            let bins = amplitude.into_iter().enumerate();
-            let points = bins.map(|(bin, x)| (bin as f64 * rate_hz / len as f64, scale * x));
-            let points: Vec<(f64, f64)> = points.take_while(|point| point.0 <= end_hz).collect();
+            let points: Vec<(f64, f64)> = amplitude
+                .into_iter()
+                .enumerate()
+                .map(|(bin, x)| (bin as f64 * rate_hz / len as f64, scale * x))
+                .take_while(|point| point.0 <= end_hz)
+                .collect();
             (points, colour, name)
         });
     let values = curves.iter().flat_map(|(points, ..)| points);

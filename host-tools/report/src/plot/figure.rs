@@ -234,8 +234,9 @@ impl Series {
 
     /// Creates the cells of a map. The values are column by column.
     pub fn cells(quantity: Quantity, (columns, rows): (usize, usize), values: Vec<f64>, notes: Vec<String>) -> Self {
-        let places = (0..columns * rows).map(|n| ((n / rows) as f64, (n % rows) as f64));
-        let (x, y) = places.unzip();
+        let (x, y) = (0..columns * rows)
+            .map(|n| ((n / rows) as f64, (n % rows) as f64))
+            .unzip();
         Self {
             kind: Kind::Cells,
             x,

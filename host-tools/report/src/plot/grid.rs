@@ -73,11 +73,14 @@ pub fn grid_map(caption: &Caption<'_>, map: &GridMap<'_>, width: u32) -> Result<
             map.cells.len()
         )));
     }
-    let marks = MARKS.into_iter();
-    let marks = marks.filter(|(flag, ..)| map.cells.iter().any(|cell| cell.flags.contains(*flag)));
-    let marks: Vec<_> = marks.collect();
-    let entries = marks.iter().map(|&(_, mark, name)| (Swatch::Mark(mark), name));
-    let entries: Vec<_> = entries.collect();
+    let marks: Vec<_> = MARKS
+        .into_iter()
+        .filter(|(flag, ..)| map.cells.iter().any(|cell| cell.flags.contains(*flag)))
+        .collect();
+    let entries: Vec<_> = marks
+        .iter()
+        .map(|&(_, mark, name)| (Swatch::Mark(mark), name))
+        .collect();
     // Rows are high enough for a number, as far as the height fits a page.
     let height = (130 + 30 * rows as u32).clamp(280, 640);
     picture(caption, (width, height), |area| {
@@ -119,10 +122,14 @@ fn panel(map: &GridMap<'_>, frame: Frame) -> Panel {
     let y = AxisData::of_cells(FORCE, names(map.forces_n));
     let note = |cell: &GridCell| {
         // A silent node has a word in its cell and no mark, so it is not among `MARKS`.
-        let marked = MARKS.map(|(flag, _, name)| (flag, name)).into_iter();
-        let known = marked.chain([(NodeFlags::SILENT, "silent")]);
-        let set = known.filter(|(flag, _)| cell.flags.contains(*flag));
-        set.map(|(_, name)| name).collect::<Vec<&str>>().join("; ")
+        MARKS
+            .map(|(flag, _, name)| (flag, name))
+            .into_iter()
+            .chain([(NodeFlags::SILENT, "silent")])
+            .filter(|(flag, _)| cell.flags.contains(*flag))
+            .map(|(_, name)| name)
+            .collect::<Vec<&str>>()
+            .join("; ")
     };
     let values = map.cells.iter().map(|cell| cell.value.unwrap_or(f64::NAN));
     let mut panel = Panel::new("", frame, x, y);
@@ -339,8 +346,13 @@ mod tests {
         let scale = Scale::of([2.0].into_iter());
         let of = |flags| {
             let marked = GridCell { flags, ..cell(2.0) };
-            let svg = drawn(&[20.0, 40.0], &[0.2], &[cell(1.0), marked], scale).unwrap();
-            svg.as_str().split("<g class=\"axes\"").next().unwrap().to_owned()
+            drawn(&[20.0, 40.0], &[0.2], &[cell(1.0), marked], scale)
+                .unwrap()
+                .as_str()
+                .split("<g class=\"axes\"")
+                .next()
+                .unwrap()
+                .to_owned()
         };
         for (flag, _, name) in MARKS {
             assert!(!of(NodeFlags::NONE).contains(name));

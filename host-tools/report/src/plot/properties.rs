@@ -153,8 +153,7 @@ fn texts(svg: &Svg) -> Vec<Text> {
         };
         Text { words, frame, runs_up }
     };
-    let all = elements.map(text);
-    all.filter(|text| !text.words.is_empty()).collect()
+    elements.map(text).filter(|text| !text.words.is_empty()).collect()
 }
 
 fn meet(a: figure::Frame, b: figure::Frame) -> bool {
@@ -165,8 +164,7 @@ fn meet(a: figure::Frame, b: figure::Frame) -> bool {
 fn no_text_stands_on_curves_or_levels_and_levels_fill_their_axes() {
     let is_named = |own: &figure::Series| matches!(own.kind, Kind::Points | Kind::Cells);
     for (name, svg) in pictures() {
-        let panels = svg.panels().iter();
-        for panel in panels.filter(|panel| !panel.series.iter().any(is_named)) {
+        for panel in svg.panels().iter().filter(|panel| !panel.series.iter().any(is_named)) {
             for text in texts(&svg) {
                 assert!(!meet(text.frame, panel.frame), "{name}: '{}'", text.words);
             }
@@ -197,8 +195,10 @@ fn every_axis_and_every_bar_has_a_quantity_with_its_unit() {
     for (name, svg) in pictures() {
         for panel in svg.panels() {
             let thirds = panel.series.iter().filter_map(|series| series.z.as_ref());
-            let axes = [panel.x.quantity, panel.y.quantity];
-            for own in axes.into_iter().chain(thirds.map(|third| third.quantity)) {
+            for own in [panel.x.quantity, panel.y.quantity]
+                .into_iter()
+                .chain(thirds.map(|third| third.quantity))
+            {
                 assert!(!own.name.is_empty() && !own.unit.is_empty(), "{name}: {own:?}");
                 let written = |wanted: &str| texts(&svg).iter().any(|text| text.words == wanted);
                 let is_in_two = written(&format!("{},", own.name)) && written(own.unit);
@@ -220,10 +220,10 @@ fn every_axis_of_values_has_three_numbers_at_least() {
     });
     let fronts = (-8..8).map(|index| ("front", front(true, |n| scale(index + n))));
     let live = (1..20).map(|index| ("live", waveform_axes(&CAPTION, scale(index)).unwrap()));
-    let all = pictures().into_iter().chain(of_levels);
-    for (name, svg) in all.chain(fronts).chain(live) {
-        let numbers = texts(&svg).into_iter();
-        let numbers = numbers.filter(|text| text.words.parse::<f64>().is_ok() && !text.runs_up);
+    for (name, svg) in pictures().into_iter().chain(of_levels).chain(fronts).chain(live) {
+        let numbers = texts(&svg)
+            .into_iter()
+            .filter(|text| text.words.parse::<f64>().is_ok() && !text.runs_up);
         let places: Vec<(i32, i32)> = numbers
             .map(|text| {
                 let figure::Frame {
@@ -245,8 +245,12 @@ fn every_axis_of_values_has_three_numbers_at_least() {
                 bottom,
             } = panel.frame;
             // Of panels one below the other, only the lowest has numbers.
-            let column = panels.iter().filter(|other| other.frame.left == left);
-            let lowest = column.map(|other| other.frame.bottom).max().unwrap();
+            let lowest = panels
+                .iter()
+                .filter(|other| other.frame.left == left)
+                .map(|other| other.frame.bottom)
+                .max()
+                .unwrap();
             let along = places.iter().filter(|(x, y)| (left..=right).contains(x) && *y > lowest);
             let beside = places
                 .iter()

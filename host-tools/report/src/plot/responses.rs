@@ -52,8 +52,11 @@ pub fn densities(caption: &Caption<'_>, curves: &[Curve<'_>]) -> Result<Svg> {
                 .collect()
         })
         .collect();
-    let drawn = curves.iter().zip(&kept);
-    let drawn: Vec<Curve<'_>> = drawn.map(|(curve, points)| Curve { points, ..*curve }).collect();
+    let drawn: Vec<Curve<'_>> = curves
+        .iter()
+        .zip(&kept)
+        .map(|(curve, points)| Curve { points, ..*curve })
+        .collect();
     over_octaves(
         caption,
         0.0,

@@ -61,8 +61,7 @@ pub fn spectrograms(
     picture(caption, (960, 640), |area| {
         let mut panels = Vec::new();
         let (panes, bar) = area.split_horizontally(at(960 - BAR));
-        let halves = panes.split_evenly((2, 1));
-        for ((half, levels), (name, _)) in halves.iter().zip(&levels).zip(signals) {
+        for ((half, levels), (name, _)) in panes.split_evenly((2, 1)).iter().zip(&levels).zip(signals) {
             let (heading, below) = half.split_vertically(at(22));
             let middle = (heading.dim_in_pixel().0 as i32 / 2, at(12));
             heading.draw_text(name, &centred(TEXT, INK), middle)?;
@@ -185,8 +184,7 @@ fn levels_db(signal: &[f64], windows: Windows, highest_hz: f64) -> Vec<Vec<f64>>
                 .zip(&weights)
                 .map(|(value, weight)| value * weight)
                 .collect();
-            let amplitude = dft_amplitude(&windowed);
-            amplitude
+            dft_amplitude(&windowed)
                 .iter()
                 .take(bins)
                 // Silence is minus infinity here, and gets the lowest colour.
@@ -239,7 +237,7 @@ fn png(panel: &[Vec<f64>], top_db: f64) -> Drawn<Vec<u8>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use test_helpers::noise;
+    use test_helpers::{near, noise};
 
     #[test]
     fn a_line_is_brightest_where_it_sounds() {
@@ -251,7 +249,7 @@ mod tests {
             let peak = (0..column.len())
                 .max_by(|a, b| column[*a].total_cmp(&column[*b]))
                 .unwrap();
-            assert!((peak as f64 / LONG_S - 300.0).abs() < 7.0, "{peak}");
+            near(peak as f64 / LONG_S, 300.0, 7.0);
         }
     }
 
@@ -261,12 +259,14 @@ mod tests {
         let windows = Windows::of(noise.len(), 5000.0, window_s(&noise));
         let levels = levels_db(&noise, windows, 2000.0);
         let powers = || {
-            let inner = levels.iter().flat_map(|column| &column[5..]);
-            inner.map(|level| 10f64.powf(level / 10.0))
+            levels
+                .iter()
+                .flat_map(|column| &column[5..])
+                .map(|level| 10f64.powf(level / 10.0))
         };
         let mean = powers().sum::<f64>() / powers().count() as f64;
         // 9 (m/s²)² spread over 2500 Hz.
-        assert!((mean / (9.0 / 2500.0) - 1.0).abs() < 0.05, "{mean}");
+        near(mean / (9.0 / 2500.0), 1.0, 0.05);
     }
 
     /// Clicks of 2 ms, ten per second, in noise 40 dB below them; and noise whose level swings four times per second.
@@ -274,8 +274,7 @@ mod tests {
     fn a_click_is_as_short_as_a_short_window_and_a_swell_keeps_the_long_one() {
         let noise = noise(3, 10_000);
         let swell = |n: usize| 1.0 + (TAU * 4.0 * n as f64 / 5000.0).sin();
-        let swelling = noise.iter().enumerate().map(|(n, x)| swell(n) * x);
-        let swelling: Vec<f64> = swelling.collect();
+        let swelling: Vec<f64> = noise.iter().enumerate().map(|(n, x)| swell(n) * x).collect();
         assert!([&noise, &swelling].iter().all(|signal| window_s(signal) == LONG_S));
         let gain = |n: usize| if n % 500 < 10 { 1.0 } else { 0.01 };
         let clicks: Vec<f64> = noise.iter().enumerate().map(|(n, x)| gain(n) * x).collect();
@@ -283,8 +282,7 @@ mod tests {
         let levels = levels_db(&clicks, windows, 1000.0);
         let middle: Vec<f64> = levels.iter().map(|column| column[10]).collect();
         let highest = middle.iter().copied().fold(f64::MIN, f64::max);
-        let loud = middle.iter().filter(|level| **level > highest - 25.0);
-        let loud = loud.count();
+        let loud = middle.iter().filter(|level| **level > highest - 25.0).count();
         assert!(3 * loud < middle.len(), "{loud} of {}", middle.len());
     }
 

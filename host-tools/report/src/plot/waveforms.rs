@@ -61,8 +61,7 @@ pub fn waveforms(caption: &Caption<'_>, signals: &[(&str, &[f64])], rate_hz: f64
                 let mut plot = axes(&pane, &format!("{name}, {seconds} s"), &x, &y)?;
                 let signal = &signal[middle(signal, seconds)];
                 let time = |n: f64| unit * n / rate_hz;
-                let points = signal.iter().enumerate();
-                let points = points.map(|(n, value)| (time(n as f64), *value));
+                let points = signal.iter().enumerate().map(|(n, value)| (time(n as f64), *value));
                 let stroke = Stroke::solid(SERIES[row % SERIES.len()], 2);
                 plot.curve("samples", points, stroke)?;
                 let envelope = envelope(signal, rate_hz);
@@ -82,8 +81,9 @@ pub fn waveforms(caption: &Caption<'_>, signals: &[(&str, &[f64])], rate_hz: f64
 fn envelope(signal: &[f64], rate_hz: f64) -> Vec<(f64, f64)> {
     // At least two samples, because the step is half a window.
     let window = ((ENVELOPE_S * rate_hz).round() as usize).max(2);
-    let windows = signal.windows(window).step_by(window / 2);
-    windows
+    signal
+        .windows(window)
+        .step_by(window / 2)
         .enumerate()
         .map(|(index, part)| {
             let square = part.iter().map(|x| x * x).sum::<f64>() / window as f64;

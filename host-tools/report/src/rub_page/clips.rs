@@ -121,10 +121,7 @@ impl Thinning {
         let counts = grids
             .iter()
             .fold((1, 1), |most, grid| (most.0.max(grid.0), most.1.max(grid.1)));
-        let heard = |texture: model_format::Texture<'_>| {
-            let nodes = texture.nodes().filter(|node| is_recorded(node.flags));
-            nodes.count()
-        };
+        let heard = |texture: model_format::Texture<'_>| texture.nodes().filter(|node| is_recorded(node.flags)).count();
         let recorded: usize = library.textures().map(heard).sum();
         if let Clips::Seconds(duration_s) = recordings.clips {
             return Self {
@@ -173,8 +170,11 @@ impl Thinning {
     /// Returns the choice, in words.
     pub fn in_words(&self, clips: usize) -> String {
         let of_axis = [(self.every.0, "speed"), (self.every.1, "force")];
-        let thinned = of_axis.iter().filter(|(every, _)| *every > 1);
-        let thinned: Vec<String> = thinned.map(|(every, axis)| format!("one {axis} in {every}")).collect();
+        let thinned: Vec<String> = of_axis
+            .iter()
+            .filter(|(every, _)| *every > 1)
+            .map(|(every, axis)| format!("one {axis} in {every}"))
+            .collect();
         let places = if thinned.is_empty() {
             "every recorded node has one".to_owned()
         } else {

@@ -149,8 +149,7 @@ impl Data {
             let digest = of_plan::<Wavefront>(Plan::of_texture(texture));
             format!("{:08x}", digest.value())
         });
-        let peaks = textures.iter().map(TextureData::peak_m_s2);
-        let loudest = peaks.fold(0.0, f64::max);
+        let loudest = textures.iter().map(TextureData::peak_m_s2).fold(0.0, f64::max);
         let names: Vec<&str> = textures.iter().map(|one| one.name.as_str()).collect();
         Ok(Self {
             version: VERSION,
@@ -182,8 +181,11 @@ impl Data {
 
     /// Returns each texture's name and digest.
     pub fn digests(&self) -> Vec<(String, String)> {
-        let names = self.textures.iter().map(|texture| texture.name.clone());
-        names.zip(self.digest.of_textures.iter().cloned()).collect()
+        self.textures
+            .iter()
+            .map(|texture| texture.name.clone())
+            .zip(self.digest.of_textures.iter().cloned())
+            .collect()
     }
 }
 
@@ -227,15 +229,20 @@ impl TextureData {
             let own = textures.find(|own| own.texture == texture.name());
             own.map(|own| own.verdict.clone())
         });
-        let recorded = places.par_iter().map(|&place| match found {
-            Some((recordings, thinning)) => recorded_at(index, texture, place, &recordings, thinning),
-            None => Ok(Recorded::default()),
-        });
-        let recorded = recorded.collect::<Result<Vec<_>>>()?;
+        let recorded = places
+            .par_iter()
+            .map(|&place| match found {
+                Some((recordings, thinning)) => recorded_at(index, texture, place, &recordings, thinning),
+                None => Ok(Recorded::default()),
+            })
+            .collect::<Result<Vec<_>>>()?;
         let any_recorded = recorded.iter().any(|node| node.spectrum.is_some());
         let all = recorded.iter().filter_map(|node| node.spectrum.as_ref());
-        let highest_db = models.iter().chain(all).map(Spectrum::highest_db);
-        let highest_db = highest_db.fold(f64::NEG_INFINITY, f64::max);
+        let highest_db = models
+            .iter()
+            .chain(all)
+            .map(Spectrum::highest_db)
+            .fold(f64::NEG_INFINITY, f64::max);
         // A code is unsigned and counts steps downwards, so no level may be above the top.
         let top_db = (STEPS_PER_DB * highest_db).ceil() / STEPS_PER_DB;
         let recorded_base64 = any_recorded.then(|| {
@@ -246,8 +253,7 @@ impl TextureData {
         let model_codes: Vec<u8> = models.iter().flat_map(|model| model.codes(top_db)).collect();
         let nodes = NodesData::of(texture, &recorded);
         clips.extend(recorded.into_iter().filter_map(|node| node.clip));
-        let powers = texture.nodes().map(|node| f64::from(node.output_power));
-        let mean_power = powers.sum::<f64>() / places.len() as f64;
+        let mean_power = texture.nodes().map(|node| f64::from(node.output_power)).sum::<f64>() / places.len() as f64;
         Ok(Self {
             name: texture.name().to_owned(),
             simulated: texture.provenance() == Provenance::Simulated,
@@ -286,13 +292,15 @@ fn recorded_at(
     let trials: Vec<usize> = (0..set.trials.len())
         .filter(|&trial| of_node(&set.trials[trial]))
         .collect();
-    let signals = trials.iter().map(|&trial| {
-        let signal = fit::signal(&set.trials[trial], recordings.conditioning)?;
-        Ok(signal.samples)
-    });
-    let signals = signals.collect::<Result<Vec<Vec<f64>>>>()?;
-    let judged = recordings.evaluation.trials.iter();
-    let judged = judged.filter(|trial| is_here(&trial.texture, trial.speed_mm_s, trial.force_n));
+    let signals = trials
+        .iter()
+        .map(|&trial| Ok(fit::signal(&set.trials[trial], recordings.conditioning)?.samples))
+        .collect::<Result<Vec<Vec<f64>>>>()?;
+    let judged = recordings
+        .evaluation
+        .trials
+        .iter()
+        .filter(|trial| is_here(&trial.texture, trial.speed_mm_s, trial.force_n));
     let costs: Vec<f64> = judged.filter_map(|trial| trial.scores.cost).collect();
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
     // The longest is the likeliest to hold a whole clip.

@@ -35,8 +35,10 @@ pub fn templates(data: &Data) -> Result<String> {
 fn spectrum(data: &Data) -> Result<Svg> {
     let highest = data.textures.iter().map(|texture| texture.top_db);
     // The level of a silent texture is negative infinity.
-    let highest = highest.filter(|level| level.is_finite());
-    let highest = highest.reduce(f64::max).unwrap_or(0.0);
+    let highest = highest
+        .filter(|level| level.is_finite())
+        .reduce(f64::max)
+        .unwrap_or(0.0);
     let highest = (highest / STEP_DB).ceil() * STEP_DB;
     let caption = Caption::new("Spectrum", data.simulated);
     spectrum_axes(&caption, highest - SPAN_DB..highest)

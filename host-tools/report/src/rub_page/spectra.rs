@@ -101,8 +101,7 @@ pub fn model_spectrum(node: &Node<'_>, rate_hz: f64) -> Spectrum {
         };
         let values = (first..=last).filter_map(|bin| Some((bin, values.values().get(bin)?)));
         // One-sided density, per hertz: twice the two-sided density, divided by the sample rate.
-        let power = values.map(|(bin, value)| value.exp() * share(bin));
-        power.sum::<f64>() * 2.0 / rate_hz
+        values.map(|(bin, value)| value.exp() * share(bin)).sum::<f64>() * 2.0 / rate_hz
     })
 }
 

@@ -9,6 +9,7 @@ use super::spectra::{Spectrum, band_centres_hz, model_spectrum, recorded_spectru
 use super::*;
 use crate::dsp::spectrum::PowerSpectrum;
 use crate::html::assert_fetches_nothing;
+use test_helpers::near;
 
 /// A texture of two speeds by one force: white noise of 2 m/s², and a resonance of 3 m/s².
 fn texture(name: &str, provenance: Provenance) -> TextureSpec {
@@ -90,8 +91,7 @@ fn the_digests_are_those_of_the_reference_arithmetic() {
     ];
     let (text, written) = page_of(&specs);
     let bytes = encode(&specs).unwrap();
-    let library = Library::decode(&bytes).unwrap();
-    for (index, texture) in library.textures().enumerate() {
+    for (index, texture) in Library::decode(&bytes).unwrap().textures().enumerate() {
         let digest = of_plan::<Portable>(Plan::of_texture(texture)).value();
         let digest = format!("{digest:08x}");
         assert_eq!(data_of(&text)["digest"]["of_textures"][index], digest);
@@ -108,7 +108,7 @@ fn spectra_have_the_level_of_what_is_played() {
     let texture = library.texture_at(0).unwrap();
     let flat = 10.0 * (4.0f64 / 2500.0).log10();
     for level in model_spectrum(&texture.node(0, 0), 5000.0).levels_db() {
-        assert!((level.unwrap() - flat).abs() < 0.02, "{level:?}");
+        near(level.unwrap(), flat, 0.02);
     }
     let motion = crate::playing::motion::MotionPath::constant(
         model_format::MillimetresPerSecond(100.0),
@@ -126,7 +126,7 @@ fn spectra_have_the_level_of_what_is_played() {
     // Levels agree to half a step of the page's codes, and silence stays silence.
     let top_db = model.highest_db() + 0.3;
     for (code, level) in model.codes(top_db).iter().zip(model.levels_db().flatten()) {
-        assert!((top_db - f64::from(*code) / 2.0 - level).abs() <= 0.2501);
+        near(top_db - f64::from(*code) / 2.0, level, 0.2501);
     }
     assert!(Spectrum::silence().codes(0.0).iter().all(|&code| code == 255));
     let density = PowerSpectrum::welch(&signal, 5000.0);

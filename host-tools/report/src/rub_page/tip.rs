@@ -61,15 +61,20 @@ impl TipData {
 fn levelled(response: impl Fn(f64) -> Complex<f64>) -> String {
     // The mean of logarithms is taken, because levels have to agree. A mean of powers would be dominated by a
     // resonance's peak.
-    let bands = (0..LEVEL_BANDS).map(|band| LEVEL_FROM_HZ * 2_f64.powf(f64::from(band) / 3.0));
-    let logarithms = bands.map(|hz| response(hz).norm().ln());
+    let logarithms = (0..LEVEL_BANDS)
+        .map(|band| LEVEL_FROM_HZ * 2_f64.powf(f64::from(band) / 3.0))
+        .map(|hz| response(hz).norm().ln());
     let level = (logarithms.sum::<f64>() / f64::from(LEVEL_BANDS)).exp();
     let steps = (HIGHEST_HZ / STEP_HZ) as u32;
     // The response at zero frequency is set to zero, because a stylus that hangs free has no steady state.
-    let there = (1..=steps).map(|step| response(f64::from(step) * STEP_HZ) / level);
-    let parts = there.flat_map(|response| [response.re, response.im]);
-    let parts = [0.0, 0.0].into_iter().chain(parts);
-    let bytes: Vec<u8> = parts.flat_map(|part| (part as f32).to_le_bytes()).collect();
+    let parts = (1..=steps)
+        .map(|step| response(f64::from(step) * STEP_HZ) / level)
+        .flat_map(|response| [response.re, response.im]);
+    let bytes: Vec<u8> = [0.0, 0.0]
+        .into_iter()
+        .chain(parts)
+        .flat_map(|part| (part as f32).to_le_bytes())
+        .collect();
     STANDARD.encode(bytes)
 }
 

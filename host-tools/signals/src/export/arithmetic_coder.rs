@@ -79,7 +79,9 @@ impl Coder {
         // One half lies within the range. Inverted copies of its bit would be zeros, which need not be written.
         self.bits.push(true);
         let push = |byte, &bit: &bool| byte >> 1 | u8::from(bit) << 7;
-        let bytes = self.bits.chunks(8);
-        bytes.map(|bits| bits.iter().rev().fold(0, push)).collect()
+        self.bits
+            .chunks(8)
+            .map(|bits| bits.iter().rev().fold(0, push))
+            .collect()
     }
 }

@@ -117,8 +117,7 @@ impl Envelope {
     /// Returns curves of a parameter through all points, with times relative to the beginning of each curve.
     fn curves(&self, name: &str, value: impl Fn(&Point) -> f64) -> impl Iterator<Item = Value> {
         // The last point begins no curve, because a curve needs two.
-        let begins = (0..self.0.len().saturating_sub(1)).step_by(SEGMENTS);
-        begins.map(move |first| {
+        (0..self.0.len().saturating_sub(1)).step_by(SEGMENTS).map(move |first| {
             let points = &self.0[first..self.0.len().min(first + SEGMENTS + 1)];
             let begin_s = points[0].time_s;
             let control = |point: &Point| json!({"Time": point.time_s - begin_s, "ParameterValue": value(point)});

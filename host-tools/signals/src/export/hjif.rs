@@ -27,8 +27,7 @@ const HIGHEST_BIT: u32 = 15;
 /// Returns the file of samples within ±1 at [`RATE_HZ`], and shows a progress bar.
 pub fn file(samples: &[f64], description: &str) -> Value {
     let bar = progress::bar(samples.len().div_ceil(BLOCK) as u64, "encoding");
-    let blocks = bar.wrap_iter(samples.chunks(BLOCK)).enumerate();
-    let effects = blocks.map(|(index, block)| {
+    let effects = bar.wrap_iter(samples.chunks(BLOCK)).enumerate().map(|(index, block)| {
         // Zeros fill the last block; `sample_count` tells where the stroke ends.
         let block = std::array::from_fn(|n| block.get(n).copied().unwrap_or(0.0));
         let stream = STANDARD_NO_PAD.encode(stream(block));

@@ -160,8 +160,9 @@ fn of_ahap(file: &Value, parameter: &str) -> Vec<(f64, f64)> {
 
 /// The value of a curve at a time.
 fn at(points: &[(f64, f64)], time: f64) -> f64 {
-    let next = points.partition_point(|point| point.0 <= time);
-    let next = next.clamp(1, points.len() - 1);
+    let next = points
+        .partition_point(|point| point.0 <= time)
+        .clamp(1, points.len() - 1);
     let ((from, before), (to, after)) = (points[next - 1], points[next]);
     before + (after - before) * (time - from) / (to - from)
 }
@@ -194,10 +195,11 @@ fn a_decoder_of_mpeg_haptics_has_the_third_octaves_and_the_samples_that_the_styl
         }
         // Both have a sample every millisecond. Components near or above half the lower rate are lost.
         let played = played.iter().step_by(rate_hz as usize / 1000);
-        let pairs = played.zip(decoded.iter().step_by(8));
-        let (error, power) = pairs.fold((0.0, 0.0), |(error, power), (played, decoded)| {
-            (error + (played - decoded).powi(2), power + played * played)
-        });
+        let (error, power) = played
+            .zip(decoded.iter().step_by(8))
+            .fold((0.0, 0.0), |(error, power), (played, decoded)| {
+                (error + (played - decoded).powi(2), power + played * played)
+            });
         assert!(error < 0.5 * power, "{error} of {power}");
     }
 }
@@ -237,8 +239,15 @@ fn a_tone_has_the_strokes_power_and_the_octaves_that_are_said_before() {
         let (tone, stroke) = (band_powers(&tone, 5000.0), band_powers(&played, 5000.0));
         for (octave, label) in ["31.5", "63", "125", "250", "500"].iter().enumerate() {
             let power = |bands: &[f64]| bands[3 * octave + 1..][..3].iter().sum::<f64>();
-            let said = warned.split(&format!(" {label} Hz ")).nth(1).unwrap();
-            let said = said.split(' ').next().unwrap().parse().unwrap();
+            let said = warned
+                .split(&format!(" {label} Hz "))
+                .nth(1)
+                .unwrap()
+                .split(' ')
+                .next()
+                .unwrap()
+                .parse()
+                .unwrap();
             near(said, decibels(power(&tone), power(&stroke)), 0.2);
         }
     }

@@ -18,8 +18,9 @@ pub const RATE_HZ: u32 = PIN_RATE_HZ;
 pub fn settings<'a>(changes: impl IntoIterator<Item = (&'a str, f32)>) -> Result<Settings> {
     let change = |settings: Settings, (name, value)| {
         let setting = Setting::named(name).ok_or_else(|| Error::Request(format!("there is no setting '{name}'")))?;
-        let changed = settings.with(SettingChange { setting, value });
-        changed.map_err(|refused| Error::Request(refused.to_string()))
+        settings
+            .with(SettingChange { setting, value })
+            .map_err(|refused| Error::Request(refused.to_string()))
     };
     changes.into_iter().try_fold(Settings::default(), change)
 }
@@ -211,9 +212,14 @@ mod tests {
         let config = Config::at_rate(&settings, 1.0, PlayRate::Hz10000);
         let mut state = State::new(&config);
         let samples: Vec<OutputSample> = rendering(&library, &motion).collect();
-        let pairs = samples.as_chunks::<2>().0.iter();
-        let expected = pairs.flat_map(|&pair| state.process_pair(&config, pair, false));
-        assert!(expected.eq(codes.iter().copied()));
+        assert!(
+            samples
+                .as_chunks::<2>()
+                .0
+                .iter()
+                .flat_map(|&pair| state.process_pair(&config, pair, false))
+                .eq(codes.iter().copied())
+        );
         assert!(codes.iter().any(|code| above_mid_scale(*code).0.abs() > 0.02));
         assert_eq!(pin.limited(), Limited::default());
         let odd = Pin::new(samples[..3].iter().copied(), PlayRate::Hz10000, &settings);

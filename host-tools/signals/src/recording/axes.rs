@@ -96,8 +96,11 @@ pub(super) fn is_acceleration(name: &str) -> bool {
 /// Returns true for an axis in lower case, with nothing else but a unit of acceleration, volts or converter steps.
 fn is_axis(lower: &str) -> bool {
     let is_sign = |c: char| !c.is_alphanumeric();
-    let after_a = lower.strip_prefix('a').map(|rest| rest.trim_start_matches(is_sign));
-    let Some(rest) = after_a.unwrap_or(lower).strip_prefix(['x', 'y', 'z']) else {
+    let Some(rest) = lower
+        .strip_prefix('a')
+        .map_or(lower, |rest| rest.trim_start_matches(is_sign))
+        .strip_prefix(['x', 'y', 'z'])
+    else {
         return false;
     };
     // The first letter of another word, such as yaw, is not an axis.
@@ -105,8 +108,7 @@ fn is_axis(lower: &str) -> bool {
         return false;
     }
     let rest = rest.trim_matches(is_sign);
-    let unit = rest.strip_prefix("axis").unwrap_or(rest);
-    let unit = unit.trim_matches(is_sign);
+    let unit = rest.strip_prefix("axis").unwrap_or(rest).trim_matches(is_sign);
     unit.is_empty() || Unit::parse(unit).is_some_and(|unit| unit != Unit::Other)
 }
 

@@ -432,8 +432,9 @@ fn filled(samples: &[f64], missing: &[Missing]) -> Vec<f64> {
     let mean = samples.iter().sum::<f64>() / samples.len().max(1) as f64;
     let at = |place: usize| samples[place.min(samples.len() - 1)] - mean;
     spread(samples, missing, |gap, n| {
-        let around = (gap.after + 1).checked_sub(3);
-        let around = around.and_then(|from| samples.get(from..from + 6));
+        let around = (gap.after + 1)
+            .checked_sub(3)
+            .and_then(|from| samples.get(from..from + 6));
         if let (1, Some(&[a, b, c, d, e, f])) = (gap.count, around) {
             return 0.75 * (c + d) - 0.3 * (b + e) + 0.05 * (a + f);
         }

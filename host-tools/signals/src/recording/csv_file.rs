@@ -51,8 +51,10 @@ fn with_remedy(mut error: Error, table: &CsvTable) -> Error {
         Error::File { problem, .. } => (0, problem),
         _ => return error,
     };
-    let found = table.excerpt(line).ok();
-    let found = found.and_then(|text| remedy(&format!("line {line}: {problem}\n{text}")));
+    let found = table
+        .excerpt(line)
+        .ok()
+        .and_then(|text| remedy(&format!("line {line}: {problem}\n{text}")));
     problem.extend(found.map(|words| format!("; {words}")));
     error
 }
@@ -74,14 +76,17 @@ pub(super) fn read_table(table: &CsvTable, trial: &Trial, told_hz: Option<f64>, 
     let time = TimeColumn::best(&columns.times);
     let times = time.map(|time| std::mem::take(&mut columns.values[time.index]));
     let names = columns.names_with_units();
-    let axes = (0..columns.values.len()).filter(|&index| columns.is_sample(index));
-    let axes: Vec<usize> = axes.collect();
+    let axes: Vec<usize> = (0..columns.values.len())
+        .filter(|&index| columns.is_sample(index))
+        .collect();
     columns.refuse_empty(table, &axes)?;
     let of_axes = |index: &usize| names.get(*index).cloned().unwrap_or_default();
     let stated: Vec<String> = axes.iter().map(of_axes).collect();
     let stated = unit::stated(&stated, &table.comments()?);
-    let channels = axes.iter().map(|&index| std::mem::take(&mut columns.values[index]));
-    let channels = channels.collect();
+    let channels = axes
+        .iter()
+        .map(|&index| std::mem::take(&mut columns.values[index]))
+        .collect();
     let source = if let (Some(time), Some(times)) = (time, times) {
         let told = TimeFacts {
             column: &time.name,
@@ -193,8 +198,7 @@ impl<'a> Columns<'a> {
     /// axes.
     fn name(&mut self, header: Header<'a>) -> Result<()> {
         self.times = time_columns(&header)?;
-        let samples = header.names().enumerate();
-        let samples = samples.filter(|(index, _)| self.is_sample(*index));
+        let samples = header.names().enumerate().filter(|(index, _)| self.is_sample(*index));
         let mut left_out = LeftOut::of(&samples.collect::<Vec<_>>());
         self.remarks.append(&mut left_out.remarks);
         self.left_out = left_out;
@@ -244,8 +248,13 @@ impl<'a> Columns<'a> {
 
     /// Refuses a counter that does not count every row. Without times, only the counter shows that samples are missing.
     fn refuse_jumps(&self, table: &CsvTable) -> Result<()> {
-        let names = self.names.iter().flat_map(Header::names).enumerate();
-        for (index, name) in names.filter(|(_, name)| COUNTER_NAMES.contains(&stem(name).as_str())) {
+        for (index, name) in self
+            .names
+            .iter()
+            .flat_map(Header::names)
+            .enumerate()
+            .filter(|(_, name)| COUNTER_NAMES.contains(&stem(name).as_str()))
+        {
             let jumps = |pair: &[f64]| (pair[1] - pair[0] - 1.0).abs() > 0.0;
             let Some(row) = self.values[index].windows(2).position(jumps) else {
                 continue;
@@ -269,8 +278,7 @@ impl<'a> Columns<'a> {
 
     /// Returns the names of all columns, with the units from a second line below them, if there is one.
     fn names_with_units(&self) -> Vec<String> {
-        let units = self.units.iter().map(String::as_str);
-        let units = units.chain(std::iter::repeat(""));
+        let units = self.units.iter().map(String::as_str).chain(std::iter::repeat(""));
         let names = self.names.iter().flat_map(Header::names).zip(units);
         let name = |(name, unit): (&str, &str)| format!("{name} [{}]", unit::bare(unit));
         names.map(name).collect()
@@ -345,9 +353,11 @@ fn time_columns(names: &Header<'_>) -> Result<Vec<TimeColumn>> {
 
 /// Returns the first word of a column's name, in lower case.
 fn stem(name: &str) -> String {
-    let lower = name.to_lowercase();
-    let word = lower.split(['_', ' ', '[', '(']).next();
-    word.unwrap_or_default().to_owned()
+    name.to_lowercase()
+        .split(['_', ' ', '[', '('])
+        .next()
+        .unwrap_or_default()
+        .to_owned()
 }
 
 /// Refuses a header that contains numbers, or whose first field begins like a number.

@@ -96,13 +96,15 @@ impl HeldSamples {
 
     /// Hash of rate and samples, by which the record of a fit identifies them.
     pub fn content(&self) -> u64 {
-        let rate = Fnv::default().then(&self.rate_hz().to_le_bytes());
-        let rate = rate.then(self.stated.units.as_bytes());
+        let rate = Fnv::default()
+            .then(&self.rate_hz().to_le_bytes())
+            .then(self.stated.units.as_bytes());
         let all = self.channels.iter().fold(rate, |hash, channel| {
             // Without lengths, samples moved from one axis to the next would have the same hash.
             let length = (channel.len() as u64).to_le_bytes();
-            let samples = channel.iter();
-            samples.fold(hash.then(&length), |hash, sample| hash.then(&sample.to_le_bytes()))
+            channel
+                .iter()
+                .fold(hash.then(&length), |hash, sample| hash.then(&sample.to_le_bytes()))
         });
         all.value()
     }

@@ -58,8 +58,7 @@ mod tests {
         fn rows_of_other_sensors_are_taken_out_and_equal_samples_stay(
             period_ms in 2.0..40.0f64, offset_ms in 0.05..0.95f64, coarse: bool, jitter in 0.0..0.05f64,
         ) {
-            let own = noise(1, 3000);
-            let own: Vec<f64> = own.iter().map(|x| if coarse { (8.0 * x).round() } else { *x }).collect();
+            let own: Vec<f64> = noise(1, 3000).iter().map(|x| if coarse { (8.0 * x).round() } else { *x }).collect();
             let shifts = noise(2, 3000);
             let mut rows: Vec<(f64, usize, bool)> = (0..3000)
                 .map(|n| (n as f64 + jitter * shifts[n].clamp(-1.0, 1.0), n, true))

@@ -33,8 +33,7 @@ impl Kind {
 
 /// Returns the extension of a file's name, in lower case.
 pub(super) fn ending(path: &Path) -> String {
-    let ending = path.extension().unwrap_or_default();
-    ending.to_string_lossy().to_lowercase()
+    path.extension().unwrap_or_default().to_string_lossy().to_lowercase()
 }
 
 /// Returns how to convert a file with this extension, which cannot be read, to one that can be read.

@@ -261,8 +261,8 @@ mod tests {
             let samples = read(&Trial {
                 held: Some(held.into()),
                 ..Trial::of("a", "felt", 100.0, 1.0)
-            });
-            let samples = samples.unwrap();
+            })
+            .unwrap();
             (samples.axes, samples.account.remarks.concat())
         };
         let (axes, remarks) = held("time_s,accel_x_g,force_n", 2e-4);
@@ -315,8 +315,10 @@ mod tests {
     #[test]
     fn a_unit_is_converted_where_it_is_named_and_told_where_it_is_not() {
         let told = |samples: &Samples| {
-            let verdicts = triage::samples(samples, samples.slow_share());
-            verdicts.iter().any(|own| own.kind() == triage::Kind::Scale) || samples.account.unscaled.is_some()
+            triage::samples(samples, samples.slow_share())
+                .iter()
+                .any(|own| own.kind() == triage::Kind::Scale)
+                || samples.account.unscaled.is_some()
         };
         for (name, unit_m_s2, option) in UNITS {
             for (offsets_g, step_g, gain) in SENSORS {
@@ -329,8 +331,7 @@ mod tests {
                         noise.into_iter().map(value).collect()
                     };
                     let axes: Vec<Vec<f64>> = (0..count).map(axis).collect();
-                    let names = ["x", "y", "z"][..count].iter();
-                    let names = names.map(|own| name.replace("{}", own));
+                    let names = ["x", "y", "z"][..count].iter().map(|own| name.replace("{}", own));
                     let named = of_table(Some(names.collect::<Vec<_>>().join("\t")), &axes, None);
                     let case = format!("{option}, step {step_g}, gravity {gravity}, {count} axes");
                     let by_option = of_table(None, &axes, Some(option));

@@ -58,8 +58,10 @@ pub(super) fn is_lvm(path: &Path) -> Result<bool> {
     let mut beginning = Vec::new();
     let read = (Format::LabView.open(path)?).take(64).read_to_end(&mut beginning);
     read.map_err(Error::io("read", path))?;
-    let text = beginning.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&beginning);
-    Ok(text.starts_with(MAGIC.as_bytes()))
+    Ok(beginning
+        .strip_prefix(b"\xef\xbb\xbf")
+        .unwrap_or(&beginning)
+        .starts_with(MAGIC.as_bytes()))
 }
 
 /// Reads the file at `path`.
@@ -70,10 +72,8 @@ pub(super) fn is_lvm(path: &Path) -> Result<bool> {
 pub(super) fn read(path: &Path) -> Result<LabView> {
     let bytes = Format::LabView.read(path)?;
     // Units are often in the Western European code page.
-    let text = String::from_utf8(bytes).unwrap_or_else(|failure| {
-        let bytes = failure.as_bytes().iter();
-        bytes.map(|&byte| char::from(byte)).collect()
-    });
+    let text = String::from_utf8(bytes)
+        .unwrap_or_else(|failure| failure.as_bytes().iter().map(|&byte| char::from(byte)).collect());
     let mut reader = Reader::of(path, &text);
     for (line, number) in text.lines().zip(1..) {
         check_length(path, number, line.len())?;
@@ -201,8 +201,13 @@ impl<'a> Reader<'a> {
         self.blocks += 1;
         let samples = (self.of_key("Samples").first()).map_or(0, |count| count.parse().unwrap_or(0));
         self.declared = self.declared.saturating_add(samples);
-        let steps = self.of_key("Delta_X").iter().filter_map(|field| number(field));
-        for step in steps.filter(|step| *step > 0.0).collect::<Vec<f64>>() {
+        for step in self
+            .of_key("Delta_X")
+            .iter()
+            .filter_map(|field| number(field))
+            .filter(|step| *step > 0.0)
+            .collect::<Vec<f64>>()
+        {
             if (step / *self.step_s.get_or_insert(step) - 1.0).abs() > SAME_STEP {
                 let problem = "Delta_X has several values: write channels of one sample rate to a file";
                 return Err(Error::line(self.path, line, problem));
@@ -213,10 +218,11 @@ impl<'a> Reader<'a> {
 
     /// Returns the header of the table, from the labels of the first block.
     fn labels(&mut self, fields: &[&str], line: u64) -> Result<Option<String>> {
-        let labels = fields
+        let labels: Vec<&str> = fields
             .iter()
-            .filter(|label| !["X_Value", "Comment", ""].contains(label));
-        let labels: Vec<&str> = labels.copied().collect();
+            .filter(|label| !["X_Value", "Comment", ""].contains(label))
+            .copied()
+            .collect();
         let count = self.of_key("Channels")[0].parse().unwrap_or(labels.len());
         let problem = match self.channels {
             _ if count == 0 || count > MAX_CHANNELS => {

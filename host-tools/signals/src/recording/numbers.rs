@@ -10,8 +10,10 @@ const JUMPS: (usize, f64, f64) = (4, 0.6, 0.4);
 /// Undoes the jumps of `channels` by the span of their numbers, if they have such jumps, and returns a remark about
 /// them. The span of whole numbers is the least power of two that holds them.
 pub(super) fn gone_on(channels: &mut [Vec<f64>], unscaled: Unscaled) -> Option<String> {
-    let all = channels.iter().flatten();
-    let (least, most) = all.fold((0.0, 0.0), |(least, most): (f64, f64), x| (least.min(*x), most.max(*x)));
+    let (least, most) = channels
+        .iter()
+        .flatten()
+        .fold((0.0, 0.0), |(least, most): (f64, f64), x| (least.min(*x), most.max(*x)));
     let (span, words) = if unscaled == Unscaled::OfFullScale {
         (2.0, "their whole span".to_owned())
     } else {

@@ -50,8 +50,11 @@ impl Order {
             }
         }
         let uneven = |times: &[f64]| -> f64 {
-            let steps = times.windows(2).map(|pair| (pair[1] - pair[0]) / usual - 1.0);
-            steps.map(|off| off.abs().min(LEAST_SPAN)).sum()
+            times
+                .windows(2)
+                .map(|pair| (pair[1] - pair[0]) / usual - 1.0)
+                .map(|off| off.abs().min(LEAST_SPAN))
+                .sum()
         };
         let (gone_on, starts, span) = gone_on(&times, usual);
         let sorted = |times: &[f64]| {
@@ -63,15 +66,17 @@ impl Order {
         let is_restart = starts > 0 && uneven(&on.0) < uneven(&by_time.0);
         let (times, rows) = if is_restart { on } else { by_time };
         let moved = rows.iter().enumerate().filter(|(place, row)| place != *row).count();
-        let told = [
+        let told: Vec<String> = [
             is_restart.then(|| {
                 let span = (1e9 * span).round() / 1e9;
                 format!("its times start again after {span}, and are taken to go on")
             }),
             (moved > 0).then(|| format!("{moved} of its rows are put in the order of their times")),
             (wrong > 0).then(|| format!("{wrong} of its times, out of place between their neighbours, are not used")),
-        ];
-        let told: Vec<String> = told.into_iter().flatten().collect();
+        ]
+        .into_iter()
+        .flatten()
+        .collect();
         Self {
             times,
             rows: (moved > 0).then_some(rows),

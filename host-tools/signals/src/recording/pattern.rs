@@ -104,8 +104,10 @@ fn field(inside: &str) -> std::result::Result<Field, String> {
         Some((name, factor)) if !name.is_empty() => (name, Some(factor)),
         _ => (inside, None),
     };
-    let number = factor.map_or(Ok(1.0), str::parse::<f64>);
-    let number = number.ok().filter(|n| n.is_finite() && *n > 0.0);
+    let number = factor
+        .map_or(Ok(1.0), str::parse::<f64>)
+        .ok()
+        .filter(|n| n.is_finite() && *n > 0.0);
     match (name, number, factor) {
         ("speed", Some(factor), _) => Ok(Field::Speed(factor)),
         ("force", Some(factor), _) => Ok(Field::Force(factor)),

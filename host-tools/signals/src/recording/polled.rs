@@ -94,8 +94,11 @@ fn line(changes: &[usize], rows: usize, block: usize) -> Option<f64> {
         Some(((here + next) / even, rate, index))
     });
     let (strength, rate, index) = candidates.max_by(|a, b| a.0.total_cmp(&b.0))?;
-    let around = AROUND.flat_map(|off| [index.checked_sub(off), Some(index + off)]);
-    let around: Vec<f64> = around.flatten().filter_map(|index| power.get(index).copied()).collect();
+    let around: Vec<f64> = AROUND
+        .flat_map(|off| [index.checked_sub(off), Some(index + off)])
+        .flatten()
+        .filter_map(|index| power.get(index).copied())
+        .collect();
     let mean = around.iter().sum::<f64>() / around.len().max(1) as f64;
     let stands_out = at(index) + at(index + 1) >= OVER_AROUND * mean;
     (stands_out && (LINE.0..=LINE.1).contains(&strength)).then_some(rate)
@@ -127,10 +130,7 @@ fn steps_over_repetitions(channels: &[Vec<f64>], changes: &[usize]) -> bool {
         let (sum, count) = differences.fold((0.0, 0), |(sum, count), x| (sum + x, count + 1));
         sum / f64::from(count.max(1))
     };
-    let apart = |a: usize, b: usize| -> f64 {
-        let axes = channels.iter();
-        axes.map(|axis| (axis[a] - axis[b]).abs()).sum()
-    };
+    let apart = |a: usize, b: usize| -> f64 { channels.iter().map(|axis| (axis[a] - axis[b]).abs()).sum() };
     let repeated = changes.windows(2).filter(|pair| pair[1] - pair[0] > 1);
     let around = mean(&mut repeated.map(|pair| apart(pair[1], pair[0] - 1)));
     let mut steps = changes.iter().map(|&row| apart(row, row - 1));
@@ -173,9 +173,11 @@ mod tests {
 
     /// Low-pass filtered noise as the samples of an axis, rounded to multiples of `step`.
     fn axis(seed: u64, samples: usize, step: f64) -> Vec<f64> {
-        let noise = noise(seed, samples + 2);
-        let smooth = noise.windows(3).map(|w| w[0] + 1.4 * w[1] + 0.6 * w[2]);
-        smooth.map(|x| (x / step).round() * step).collect()
+        noise(seed, samples + 2)
+            .windows(3)
+            .map(|w| w[0] + 1.4 * w[1] + 0.6 * w[2])
+            .map(|x| (x / step).round() * step)
+            .collect()
     }
 
     proptest! {
@@ -224,12 +226,11 @@ mod tests {
             let tone: Vec<f64> = noise(8, 20_000).iter().enumerate().map(tone).collect();
             prop_assert!(polled(&[tone], 5000.0).is_none());
             let mut before = (0.0, 0.0);
-            let ringing = noise(9, 20_000).into_iter().map(|x| {
+            let ringing: Vec<f64> = noise(9, 20_000).into_iter().map(|x| {
                 let now = x * x.abs() + 1.96 * (2.0 * PI * hz / 5000.0).cos() * before.0 - 0.96 * before.1;
                 before = (now, before.0);
                 now
-            });
-            let ringing: Vec<f64> = ringing.collect();
+            }).collect();
             let peak = ringing.iter().fold(0.0, |peak: f64, x| peak.max(x.abs()));
             let clipped = ringing.iter().map(|x| x.clamp(-0.5 * peak, 0.5 * peak)).collect();
             prop_assert!(polled(&[clipped], 5000.0).is_none());

@@ -24,12 +24,7 @@ pub fn resample(channels: &[Vec<f64>], from_hz: u32, to_hz: u32) -> Vec<Vec<f64>
     if frames == 0 || from_hz == to_hz {
         return channels.to_vec();
     }
-    let (from, to) = (from_hz as usize, to_hz as usize);
-    let divisor = gcd(from, to);
-    let (step_in, step_out) = (from / divisor, to / divisor);
-    // A quick length is even, so that the filter's delay of half a block is a whole number of samples.
-    let steps = fourier::quick_length((BLOCK * from.max(to) / to).div_ceil(step_in));
-    let blocks = [steps * step_in, steps * step_out];
+    let blocks = blocks(from_hz as usize, to_hz as usize);
     let [block_in, block_out] = blocks;
     let mut input = vec![0.0; 2 * block_in];
     let response = response(blocks);
@@ -60,6 +55,14 @@ pub fn resample(channels: &[Vec<f64>], from_hz: u32, to_hz: u32) -> Vec<Vec<f64>
         output
     });
     resampled.collect()
+}
+
+/// Returns the lengths of a block at both rates.
+fn blocks(from: usize, to: usize) -> [usize; 2] {
+    let [step_in, step_out] = [from, to].map(|rate| rate / gcd(from, to));
+    // A quick length is even, so that the filter's delay of half a block is a whole number of samples.
+    let steps = fourier::quick_length((BLOCK * from.max(to) / to).div_ceil(step_in));
+    [steps * step_in, steps * step_out]
 }
 
 /// A filter's blocks and response.
@@ -132,6 +135,7 @@ fn gcd(a: usize, b: usize) -> usize {
 mod tests {
     use super::*;
     use crate::dsp::sums::rms;
+    use test_helpers::largest_factor;
 
     fn sine(frequency_hz: f64, rate_hz: u32, seconds: f64) -> Vec<f64> {
         let step = core::f64::consts::TAU * frequency_hz / f64::from(rate_hz);
@@ -150,6 +154,17 @@ mod tests {
             let middle = 1000..9000;
             let error: Vec<f64> = middle.map(|n| there[n] - expected[n]).collect();
             assert!(rms(&error) < 1e-3, "from {from_hz} Hz: {}", rms(&error));
+        }
+    }
+
+    #[test]
+    fn blocks_have_no_factor_above_that_of_their_rates() {
+        for from in (50..200_000).step_by(50) {
+            let most = largest_factor(from).max(5);
+            assert!(
+                blocks(from, 5000).iter().all(|&block| largest_factor(block) <= most),
+                "{from} Hz"
+            );
         }
     }
 

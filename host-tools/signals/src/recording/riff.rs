@@ -165,8 +165,9 @@ fn held(file: &mut BufReader<Opened>, declared: u64, left: u64) -> std::io::Resu
 impl Head {
     /// Returns the length of the samples, bytes. Their own chunk states `declared`.
     fn length_of_samples(&self, declared: u32) -> u64 {
-        let long = self.long_bytes.filter(|_| declared == u32::MAX);
-        long.unwrap_or(declared.into())
+        self.long_bytes
+            .filter(|_| declared == u32::MAX)
+            .unwrap_or(declared.into())
     }
 
     /// Returns the file with these chunks, where `last` is the beginning of the last chunk.

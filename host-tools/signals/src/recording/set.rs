@@ -139,20 +139,22 @@ impl RecordingSet {
     }
 
     fn from_files(files: &[PathBuf]) -> Result<Self> {
-        let trials = files.iter().map(|file| {
-            if files::is_dir(file) {
-                let problem = "is a folder: give it alone, or recordings only; beside a library, by --recordings";
-                return Err(Error::file(file, problem));
-            }
-            let stem = file.file_stem().unwrap_or_default();
-            Ok(Trial::of(
-                file.clone(),
-                stem.to_string_lossy().into_owned(),
-                NOMINAL_SPEED_MM_S,
-                NOMINAL_FORCE_N,
-            ))
-        });
-        let trials = trials.collect::<Result<Vec<Trial>>>()?;
+        let trials = files
+            .iter()
+            .map(|file| {
+                if files::is_dir(file) {
+                    let problem = "is a folder: give it alone, or recordings only; beside a library, by --recordings";
+                    return Err(Error::file(file, problem));
+                }
+                let stem = file.file_stem().unwrap_or_default();
+                Ok(Trial::of(
+                    file.clone(),
+                    stem.to_string_lossy().into_owned(),
+                    NOMINAL_SPEED_MM_S,
+                    NOMINAL_FORCE_N,
+                ))
+            })
+            .collect::<Result<Vec<Trial>>>()?;
         let mut named: HashMap<&str, &Path> = HashMap::new();
         for trial in &trials {
             let first = *named.entry(&trial.texture).or_insert(&trial.file);
@@ -190,8 +192,7 @@ impl RecordingSet {
 
     /// Returns the textures' names, each once, in the order of their first trials.
     pub fn textures(&self) -> Vec<&str> {
-        let groups = self.by_texture().into_iter();
-        groups.map(|(name, _)| name).collect()
+        self.by_texture().into_iter().map(|(name, _)| name).collect()
     }
 
     /// Returns the textures' names, in the order of their first trials, with the indices of the trials of each.
@@ -472,8 +473,7 @@ mod tests {
 
     #[test]
     fn columns_may_be_named_as_people_write_them_and_nameless_ones_may_be_empty() {
-        let plain = parse("file,texture,speed_mm_s,force_n,scale_m_s2,notes\na.wav,a b,120,0.5,9.8,good\n");
-        let plain = plain.unwrap();
+        let plain = parse("file,texture,speed_mm_s,force_n,scale_m_s2,notes\na.wav,a b,120,0.5,9.8,good\n").unwrap();
         for text in [
             "File,Texture,Speed (mm/s),Force (N),Scale (m/s²),Notes\na.wav,a b,120,0.5,9.8,good\n",
             "FILE;TEXTURE;SPEED_mm/s;Force [N];scale m/s^2;note;;\na.wav;a b;120,0;0,5;9,8;;;\n",
@@ -515,9 +515,10 @@ mod tests {
         let lines = "a.csv,silk,100,1,us,false\nb.csv,silk,100,1,ms,true\nc.csv,silk,100,1,,\n";
         std::fs::write(&list, format!("{header}{lines}")).unwrap();
         let of_times = |assumed: &Assumed| {
-            let set = RecordingSet::open_with(std::slice::from_ref(&list), assumed).unwrap();
-            let trials = set.trials.into_iter();
-            trials
+            RecordingSet::open_with(std::slice::from_ref(&list), assumed)
+                .unwrap()
+                .trials
+                .into_iter()
                 .map(|trial| (trial.time_unit, trial.has_even_times.unwrap_or(false)))
                 .collect::<Vec<_>>()
         };

@@ -145,8 +145,8 @@ fn centre(cluster: &[f64], tolerance: f64) -> std::result::Result<f64, Spread> {
     let mean = mean.clamp(low, high);
     // Text rounds to decimal digits; a product with a power of ten would leave round-off, such as 0.6000000000000001.
     let rounded = |digits: usize| format!("{mean:.digits$e}").parse().unwrap_or(mean);
-    let round = (0..MOST_DIGITS).map(rounded);
-    Ok(round
+    Ok((0..MOST_DIGITS)
+        .map(rounded)
         .into_iter()
         .find(|value| (low..=high).contains(value))
         .unwrap_or(mean))
@@ -160,9 +160,10 @@ fn centre(cluster: &[f64], tolerance: f64) -> std::result::Result<f64, Spread> {
 pub fn grid_by_gaps(places: &[(f64, f64)]) -> Option<(Nominal, Nominal)> {
     let (speeds, forces): (Vec<f64>, Vec<f64>) = places.iter().copied().unzip();
     let (speeds, forces) = (cuts(&speeds), cuts(&forces));
-    let dense = pairs(&speeds, &forces).filter(|((_, speed), (_, force))| density(places, speed, force) >= DENSE);
-    let clearest = dense.max_by(|a, b| (a.0.0 * a.1.0).total_cmp(&(b.0.0 * b.1.0)));
-    clearest.map(|(speed, force)| (speed.1.clone(), force.1.clone()))
+    pairs(&speeds, &forces)
+        .filter(|((_, speed), (_, force))| density(places, speed, force) >= DENSE)
+        .max_by(|a, b| (a.0.0 * a.1.0).total_cmp(&(b.0.0 * b.1.0)))
+        .map(|(speed, force)| (speed.1.clone(), force.1.clone()))
 }
 
 /// Least fraction of a grid's nodes that were measured.
@@ -245,8 +246,7 @@ fn log_gap(before: f64, after: f64) -> f64 {
 
 /// Returns the gaps between `sorted` values, the largest first.
 fn log_gaps(sorted: &[f64]) -> Vec<f64> {
-    let gaps = sorted.windows(2).map(|pair| log_gap(pair[0], pair[1]));
-    let mut gaps: Vec<f64> = gaps.collect();
+    let mut gaps: Vec<f64> = sorted.windows(2).map(|pair| log_gap(pair[0], pair[1])).collect();
     gaps.sort_by(|a, b| b.total_cmp(a));
     gaps
 }
@@ -307,8 +307,11 @@ impl Nominal {
 
     /// Returns the largest move, as a fraction of the nominal value.
     pub fn largest_move(&self) -> f64 {
-        let shares = self.moves.iter().filter(|(_, to)| *to > 0.0);
-        shares.map(|(from, to)| (from - to).abs() / to).fold(0.0, f64::max)
+        self.moves
+            .iter()
+            .filter(|(_, to)| *to > 0.0)
+            .map(|(from, to)| (from - to).abs() / to)
+            .fold(0.0, f64::max)
     }
 
     /// Returns the moves in words; `None` if nothing was moved.
@@ -336,8 +339,11 @@ impl RecordingSet {
     /// in which something was moved. With a rule based on gaps, a texture whose values do not belong to a grid stays
     /// the same.
     pub fn snapped(mut self, snap: Snap) -> Result<(Self, Vec<String>)> {
-        let groups = self.by_texture().into_iter();
-        let groups: Vec<(String, Vec<usize>)> = groups.map(|(name, members)| (name.to_owned(), members)).collect();
+        let groups: Vec<(String, Vec<usize>)> = self
+            .by_texture()
+            .into_iter()
+            .map(|(name, members)| (name.to_owned(), members))
+            .collect();
         let mut lines = Vec::new();
         for (name, members) in groups {
             let places: Vec<(f64, f64)> = (members.iter().map(|&member| &self.trials[member]))
@@ -359,8 +365,10 @@ impl RecordingSet {
                 trial.speed_mm_s = speeds.of(trial.speed_mm_s);
                 trial.force_n = forces.of(trial.force_n);
             }
-            let words = [speeds.in_words("speeds", "mm/s"), forces.in_words("forces", "N")];
-            let words: Vec<String> = words.into_iter().flatten().collect();
+            let words: Vec<String> = [speeds.in_words("speeds", "mm/s"), forces.in_words("forces", "N")]
+                .into_iter()
+                .flatten()
+                .collect();
             if !words.is_empty() {
                 lines.push(format!("texture '{name}': {}", words.join("; ")));
             }
@@ -388,6 +396,7 @@ fn within(name: &str, places: &[(f64, f64)], tolerance: f64) -> Result<(Nominal,
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use test_helpers::near;
 
     #[test]
     fn measured_values_become_the_round_ones_that_they_are_near() {
@@ -427,7 +436,7 @@ mod tests {
         let places = measured(&[20.0, 30.0, 40.0, 60.0], &[0.5, 1.0, 2.0], 0.06);
         let (speeds, forces) = grid_by_gaps(&places).unwrap();
         for (found, meant) in speeds.values().iter().zip([20.0, 30.0, 40.0, 60.0]) {
-            assert!((found / meant - 1.0).abs() < 0.06, "{found} {meant}");
+            near(found / meant, 1.0, 0.06);
         }
         assert_eq!(speeds.values().len(), 4);
         assert_eq!((forces.values().len(), forces.of(places[0].1)), (3, 0.5));
@@ -460,8 +469,7 @@ mod tests {
         let typed = measured(&[50.0, 100.0, 105.0, 150.0], &[0.5, 1.0, 2.0], 0.0);
         assert_eq!(clear_size(&typed), None);
         let forces = measured(&[50.0, 100.0, 105.0, 150.0], &[0.5, 1.0, 2.0], 0.03);
-        let of_typed = typed.iter().zip(&forces);
-        let of_typed: Vec<_> = of_typed.map(|(typed, off)| (typed.0, off.1)).collect();
+        let of_typed: Vec<_> = typed.iter().zip(&forces).map(|(typed, off)| (typed.0, off.1)).collect();
         assert_eq!(clear_size(&of_typed), Some((4, 3)));
         let near = measured(&[50.0, 100.0, 105.0, 150.0], &[0.5, 1.0, 2.0], 0.002);
         assert_eq!(clear_size(&near), Some((4, 3)));
@@ -471,8 +479,7 @@ mod tests {
             None
         );
         assert_eq!(clear_size(&measured(&speeds, &[1.0], 0.0)), None);
-        let anywhere = (1..30).map(|n| (f64::from(n), f64::from(n * 7 % 30)));
-        let anywhere: Vec<_> = anywhere.collect();
+        let anywhere: Vec<_> = (1..30).map(|n| (f64::from(n), f64::from(n * 7 % 30))).collect();
         assert_eq!(clear_size(&anywhere), None);
     }
 

@@ -174,9 +174,10 @@ fn walked(times: &[f64], step: f64, late: &Late) -> (Vec<Missing>, f64) {
                 // After a late time, steps are short; where the longest step is, samples are missing.
                 let is_longest = (row + 1..end(row + size.min(LEVEL.0))).all(|next| own(next) < own(row) + 0.25 * step);
                 let before = usual(past[row.saturating_sub(size).max(first)..].to_vec());
-                let near =
-                    [0..LOOK_AHEAD, 0..size, size..2 * size].map(|rows| end(row + rows.start)..end(row + rows.end));
-                let near = near.into_iter().filter(|rows| !rows.is_empty());
+                let near = [0..LOOK_AHEAD, 0..size, size..2 * size]
+                    .map(|rows| end(row + rows.start)..end(row + rows.end))
+                    .into_iter()
+                    .filter(|rows| !rows.is_empty());
                 let ahead = near
                     .map(|rows| usual(rows.map(lateness).collect()))
                     .fold(f64::INFINITY, f64::min);
@@ -255,12 +256,14 @@ fn usual_margin(times: &[f64], step: f64, resolution: f64) -> f64 {
 pub(super) fn resolution(times: &[f64]) -> f64 {
     let decimals = |time: &f64| {
         // The shortest decimal form has the digits that were written.
-        let text = time.to_string();
-        text.split_once('.').map_or(0, |(_, digits)| digits.len())
+        time.to_string().split_once('.').map_or(0, |(_, digits)| digits.len())
     };
     let size = DIGITS.min(times.len());
-    let blocks = times.chunks_exact(size).step_by(times.len().div_ceil(size * DIGITS));
-    let fewest = blocks.filter_map(|block| block.iter().map(decimals).max()).min();
+    let fewest = times
+        .chunks_exact(size)
+        .step_by(times.len().div_ceil(size * DIGITS))
+        .filter_map(|block| block.iter().map(decimals).max())
+        .min();
     10f64.powi(-(fewest.unwrap_or(0).min(MOST_DECIMALS) as i32))
 }
 

@@ -100,8 +100,10 @@ impl TimeColumn {
     /// Every word of such a name stands for a time or its unit, as in `Time [ms]`, `timestamp_us` or `timeMs`.
     pub fn named(index: usize, name: &str) -> Option<Self> {
         let lower = name.to_lowercase();
-        let words = lower.split(|c: char| !c.is_alphanumeric());
-        let words: Vec<&str> = words.filter(|word| !word.is_empty()).collect();
+        let words: Vec<&str> = lower
+            .split(|c: char| !c.is_alphanumeric())
+            .filter(|word| !word.is_empty())
+            .collect();
         let (mut unit, mut is_time) = (None, false);
         for word in words {
             let joined = || {
@@ -131,8 +133,7 @@ impl TimeColumn {
 
     /// Returns the column that determines the rate: the first with a unit, or otherwise the first.
     pub fn best(columns: &[Self]) -> Option<&Self> {
-        let with_unit = columns.iter().find(|column| column.unit.is_some());
-        with_unit.or(columns.first())
+        columns.iter().find(|column| column.unit.is_some()).or(columns.first())
     }
 }
 

@@ -32,8 +32,11 @@ impl Steps {
     /// Computes the steps of more than `width` times, in any unit, each over `width` samples.
     pub fn of(times: &[f64], width: usize) -> Self {
         let stride = times.len().div_ceil(MOST_STEPS);
-        let steps = times.windows(width + 1).step_by(stride);
-        let mut steps: Vec<f64> = steps.map(|pair| pair[width] - pair[0]).collect();
+        let mut steps: Vec<f64> = times
+            .windows(width + 1)
+            .step_by(stride)
+            .map(|pair| pair[width] - pair[0])
+            .collect();
         let quantile = |share: f64, steps: &mut [f64]| {
             let index = ((steps.len() as f64 * share) as usize).min(steps.len() - 1);
             *steps.select_nth_unstable_by(index, f64::total_cmp).1
@@ -101,8 +104,10 @@ pub(super) fn evened(channels: &[Vec<f64>], times: &[f64], rate_hz: f64) -> Vec<
         let near = &times[from..from + points];
         let weights: Vec<f64> = (0..points)
             .map(|i| {
-                let others = (0..points).filter(|&j| j != i);
-                others.map(|j| (time - near[j]) / (near[i] - near[j])).product()
+                (0..points)
+                    .filter(|&j| j != i)
+                    .map(|j| (time - near[j]) / (near[i] - near[j]))
+                    .product()
             })
             .collect();
         for (evened, channel) in evened.iter_mut().zip(channels) {

@@ -137,10 +137,11 @@ pub(super) fn is_row<'f>(mut fields: impl Iterator<Item = &'f str>) -> bool {
 
 /// Returns a unit without the brackets around it.
 pub(super) fn bare(field: &str) -> &str {
-    let inside = ["()", "[]"]
+    ["()", "[]"]
         .iter()
-        .find_map(|pair| field.strip_prefix(&pair[..1])?.strip_suffix(&pair[1..]));
-    inside.unwrap_or(field).trim()
+        .find_map(|pair| field.strip_prefix(&pair[..1])?.strip_suffix(&pair[1..]))
+        .unwrap_or(field)
+        .trim()
 }
 
 /// Units of a file's columns of samples, as its header states them.
@@ -174,9 +175,12 @@ impl Stated {
 
     /// Returns the conversion by the header's units, in words.
     pub fn conversion(&self, given: Option<f64>) -> Option<String> {
-        let scales = self.scales_m_s2.as_ref().filter(|_| given.is_none())?;
-        let is_other = scales.iter().any(|scale| scale.to_bits() != 1.0f64.to_bits());
-        is_other.then(|| format!("converted from {} to m/s², by the header", self.units))
+        self.scales_m_s2
+            .as_ref()
+            .filter(|_| given.is_none())?
+            .iter()
+            .any(|scale| scale.to_bits() != 1.0f64.to_bits())
+            .then(|| format!("converted from {} to m/s², by the header", self.units))
     }
 
     /// Returns, in words, how the header's units contradict a `given` scale, or what they leave open.
@@ -219,16 +223,21 @@ pub(super) fn stated(names: &[String], comments: &str) -> Stated {
     let sensitivity = texts.find_map(Sensitivity::found_in);
     // A single v is more likely a direction than volts.
     let is_direction = |text: &str| names.len() == 1 && names[0].ends_with("_v") && text == "v";
-    let first = in_names.iter().flatten().next().cloned();
-    let first = first
+    let first = in_names
+        .iter()
+        .flatten()
+        .next()
+        .cloned()
         .filter(|(_, text)| sensitivity.is_some() || !is_direction(text))
         .or_else(|| in_comments(comments))
         .or_else(|| sensitivity.as_ref().map(Sensitivity::of_unit));
     let Some(first) = first else {
         return Stated::default();
     };
-    let all = in_names.into_iter().map(|own| own.unwrap_or_else(|| first.clone()));
-    let all: Vec<(Unit, String)> = all.collect();
+    let all: Vec<(Unit, String)> = in_names
+        .into_iter()
+        .map(|own| own.unwrap_or_else(|| first.clone()))
+        .collect();
     let mut units: Vec<&str> = all.iter().map(|(_, text)| text.as_str()).collect();
     units.dedup();
     let m_s2 = |(unit, _): &(Unit, String)| m_s2_of(*unit, sensitivity.as_ref());
@@ -323,8 +332,10 @@ fn in_comments(comments: &str) -> Option<(Unit, String)> {
             return None;
         }
         let after = line.rsplit_once([':', '=']).or_else(|| line.rsplit_once(" in "))?;
-        let units = after.1.split([',', ';', ' ']).chain([after.1]);
-        units
+        after
+            .1
+            .split([',', ';', ' '])
+            .chain([after.1])
             .filter_map(|text| Some((Unit::parse(text)?, text.trim().to_owned())))
             .find(|(unit, _)| *unit != Unit::Other)
     })
@@ -446,8 +457,7 @@ mod tests {
             ("a V (100 mV/g)", G / 0.1),
             ("a (V) 0.0102 V/(m/s²)", 1.0 / 0.0102),
         ] {
-            let found = of(&[name]).scales_m_s2;
-            let found = found.unwrap_or_else(|| panic!("{name} has no unit"));
+            let found = of(&[name]).scales_m_s2.unwrap_or_else(|| panic!("{name} has no unit"));
             assert!((found[0] / m_s2 - 1.0).abs() < 1e-12, "{name}: {found:?}");
         }
     }

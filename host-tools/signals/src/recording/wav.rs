@@ -47,12 +47,10 @@ pub(super) fn read(path: &Path, given_hz: Option<f64>, cut: &Cut) -> Result<Sour
         are_integers,
         is_unfinished,
     } = riff::open(path)?;
-    let file_bytes = samples.get_ref().1.get_ref().size();
-    let file_bytes = file_bytes.map_err(Error::io("open", path))?;
+    let file_bytes = samples.get_ref().1.get_ref().size().map_err(Error::io("open", path))?;
     let samples = Box::new(ReadOnlySource::new(samples));
     let stream = MediaSourceStream::new(samples, MediaSourceStreamOptions::default());
-    let format = WavReader::try_new(stream, FormatOptions::default());
-    let mut format = format.map_err(|e| unusable(path, &e))?;
+    let mut format = WavReader::try_new(stream, FormatOptions::default()).map_err(|e| unusable(path, &e))?;
     let track = format.default_track(TrackType::Audio);
     let Some((track, parameters)) = track.and_then(|track| {
         let parameters = track.codec_params.as_ref()?.audio()?;
@@ -67,8 +65,7 @@ pub(super) fn read(path: &Path, given_hz: Option<f64>, cut: &Cut) -> Result<Sour
     let told_hz = f64::from(parameters.sample_rate.unwrap_or(0));
     let rate_hz = given_hz.unwrap_or(told_hz);
     let rate = SampleRate::new(rate_hz, "convert it again").map_err(|fault| Error::file(path, fault))?;
-    let decoder = PcmDecoder::try_new(parameters, &AudioDecoderOptions::default());
-    let decoder = decoder.map_err(|e| unusable(path, &e))?;
+    let decoder = PcmDecoder::try_new(parameters, &AudioDecoderOptions::default()).map_err(|e| unusable(path, &e))?;
     let (first, end) = cut.frames(rate_hz);
     let held = (8 * file_bytes / frame_bits.max(8)) as usize;
     let (channels, position) = decoded(path, &mut format, decoder, (first..end, held))?;
@@ -230,8 +227,12 @@ mod tests {
                 header[4..8].copy_from_slice(&(data as u32 + bytes - 4).to_le_bytes());
                 std::fs::write(&path, &header).unwrap();
                 // Zeros that take no space on the disk.
-                let file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
-                file.set_len(header.len() as u64 + u64::from(bytes)).unwrap();
+                std::fs::OpenOptions::new()
+                    .write(true)
+                    .open(&path)
+                    .unwrap()
+                    .set_len(header.len() as u64 + u64::from(bytes))
+                    .unwrap();
                 match read(&path, None, &Cut::WHOLE) {
                     Ok(found) => assert_eq!((found.channels[0].len(), longest), (frames, frames)),
                     Err(fault) => {

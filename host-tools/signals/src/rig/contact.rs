@@ -113,6 +113,7 @@ impl Response {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use test_helpers::near;
 
     #[test]
     fn the_patch_response_is_the_mean_over_the_pressure() {
@@ -147,7 +148,7 @@ mod tests {
         for force_n in [0.2, 0.7, 1.4] {
             let slope = 2e-4 / (indentation_um(force_n + 1e-4) - indentation_um(force_n - 1e-4));
             let contact = Contact::hertz(1.5, 300.0, force_n).unwrap();
-            assert!((contact.stiffness_n_per_um() / slope - 1.0).abs() < 1e-6);
+            near(contact.stiffness_n_per_um() / slope, 1.0, 1e-6);
         }
     }
 

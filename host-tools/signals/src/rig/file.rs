@@ -128,8 +128,9 @@ fn check(rig: &RigDescription) -> Checked {
 
 fn check_recording(field: &Field, recording: &Recording) -> Checked {
     let rate_hz = f64::from(recording.sample_rate_hz);
-    let rate = field.key("sample_rate_hz");
-    rate.within(rate_hz, 100.0, f64::from(MAX_SAMPLE_RATE_HZ))?;
+    field
+        .key("sample_rate_hz")
+        .within(rate_hz, 100.0, f64::from(MAX_SAMPLE_RATE_HZ))?;
     let duration = field.key("duration_s");
     // At least one sample.
     duration.within(recording.duration_s, 0.5 / rate_hz, MAX_DURATION_S)?;
@@ -206,8 +207,7 @@ fn check_contact(field: &Field, texture: &Texture, rig: &RigDescription) -> Chec
     let largest_n = rig.recording.forces_n.last().copied().unwrap_or(0.0);
     let contact = Contact::hertz(tool.tip_radius_mm, modulus, largest_n);
     let radius_mm = contact.map_or(0.0, |contact| contact.radius_mm());
-    let field = field.key("effective_modulus_mpa");
-    field.require(radius_mm < tool.tip_radius_mm, || {
+    field.key("effective_modulus_mpa").require(radius_mm < tool.tip_radius_mm, || {
         format!(
             "is {modulus}, too soft for {largest_n} N: the contact would have a radius of {radius_mm:.3} mm, and the \
              tip has {} mm",
@@ -222,8 +222,9 @@ fn check_measurement(field: &Field, measurement: &Measurement, nyquist_hz: f64) 
     if let Some(tremor) = &measurement.tremor {
         let field = field.key("tremor");
         positive(&field, "lowest_hz", tremor.lowest_hz, nyquist_hz)?;
-        let highest = field.key("highest_hz");
-        highest.within(tremor.highest_hz, tremor.lowest_hz, nyquist_hz)?;
+        field
+            .key("highest_hz")
+            .within(tremor.highest_hz, tremor.lowest_hz, nyquist_hz)?;
         each(&field, "rms_m_s2", &tremor.rms_m_s2, LEVEL)?;
     }
     if let Some(hum) = &measurement.hum {

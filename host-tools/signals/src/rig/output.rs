@@ -207,8 +207,10 @@ fn notice(rig: &RigFile, seed: u64) -> String {
 fn table(description: &RigDescription, seed: u64, rows: &[Row]) -> String {
     let motion = |row: &Row| [row.speed_mm_s, row.force_n].map(|value| value.to_string());
     let motions: Vec<[String; 2]> = rows.iter().map(motion).collect();
-    let fields = rows.iter().zip(&motions);
-    let fields = fields.map(|(row, [speed, force])| [row.file.as_str(), &row.texture, speed, force, "true"]);
+    let fields = rows
+        .iter()
+        .zip(&motions)
+        .map(|(row, [speed, force])| [row.file.as_str(), &row.texture, speed, force, "true"]);
     let header = ["file", "texture", "speed_mm_s", "force_n", "simulated"];
     let table = written([header].into_iter().chain(fields));
     format!("# {}\n{table}", provenance(description, seed))

@@ -171,6 +171,7 @@ fn gaussian_terms(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use test_helpers::near;
 
     const DRUM: Drum = Drum {
         circumference_mm: 300.0,
@@ -211,8 +212,11 @@ mod tests {
 
     #[test]
     fn an_exact_weave_has_its_lines_and_no_others() {
-        let profile = Profile::new(&DRUM, &texture(vec![weave(None)], None), 1);
-        for (n, term) in profile.coefficients_um().iter().enumerate() {
+        for (n, term) in Profile::new(&DRUM, &texture(vec![weave(None)], None), 1)
+            .coefficients_um()
+            .iter()
+            .enumerate()
+        {
             let expected = match n {
                 400 => 4.0,
                 800 => 2.0,
@@ -233,15 +237,14 @@ mod tests {
         let (mut variance, mut covariance) = (0.0, 0.0);
         let profiles = 60;
         for index in 0..profiles {
-            let bins = jitter_spectrum(&jitter, 300.0, key.index(index));
-            for (n, bin) in bins.iter().enumerate() {
+            for (n, bin) in jitter_spectrum(&jitter, 300.0, key.index(index)).iter().enumerate() {
                 let power = 2.0 * bin.norm_sqr();
                 variance += power;
                 covariance += power * (TAU * n as f64 * jitter.correlation_mm / 300.0).cos();
             }
         }
-        assert!((variance / f64::from(profiles as u32) / 0.16 - 1.0).abs() < 0.05);
-        assert!((covariance / variance - (-0.5_f64).exp()).abs() < 0.05);
+        near(variance / f64::from(profiles as u32) / 0.16, 1.0, 0.05);
+        near(covariance / variance, (-0.5_f64).exp(), 0.05);
     }
 
     #[test]
@@ -249,14 +252,14 @@ mod tests {
         let profile = Profile::new(&DRUM, &texture(vec![], Some(ROUGH)), 3);
         let terms = profile.coefficients_um();
         let power: f64 = terms.iter().map(Complex::norm_sqr).sum();
-        assert!(((0.5 * power).sqrt() / ROUGH.rms_um - 1.0).abs() < 0.15);
+        near((0.5 * power).sqrt() / ROUGH.rms_um, 1.0, 0.15);
         assert_eq!(terms.len(), 15_001);
         let mean_power = |from: usize| terms[from..2 * from].iter().map(Complex::norm_sqr).sum::<f64>() / from as f64;
         // Between two octaves that are three octaves apart, the power changes by the factor 8^{-(1+2H)}.
         let slope = (mean_power(6400) / mean_power(800)).log(8.0);
         assert!((slope + 2.4).abs() < 0.1, "{slope}");
         let plateau = mean_power(64) / (terms[5..64].iter().map(Complex::norm_sqr).sum::<f64>() / 59.0);
-        assert!((plateau - 1.0).abs() < 0.6, "{plateau}");
+        near(plateau, 1.0, 0.6);
     }
 
     #[test]

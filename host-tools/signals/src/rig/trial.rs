@@ -284,6 +284,7 @@ fn windowed_sinc(x: f64) -> f64 {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use test_helpers::near;
 
     const WANDER: Wander = Wander {
         rms: 0.01,
@@ -309,9 +310,8 @@ mod tests {
     fn the_speed_wanders_by_as_much_as_is_named() {
         let samples = 400_000;
         let places = places(&WANDER, 5000.0, StreamKey::new(3), samples);
-        let deviations = places.windows(2);
-        let deviations = deviations.map(|pair| (pair[1] - pair[0] - 1.0).powi(2));
+        let deviations = places.windows(2).map(|pair| (pair[1] - pair[0] - 1.0).powi(2));
         let rms = (deviations.sum::<f64>() / (samples - 1) as f64).sqrt();
-        assert!((rms / WANDER.rms - 1.0).abs() < 0.3, "{rms}");
+        near(rms / WANDER.rms, 1.0, 0.3);
     }
 }

@@ -59,8 +59,9 @@ pub struct Arguments {
 impl Arguments {
     /// True if any value of the coil is given.
     fn has_coil(&self) -> bool {
-        let given = [self.resistance, self.amplifier_gain, self.power_limit, self.hard_limit];
-        given.iter().any(Option::is_some)
+        [self.resistance, self.amplifier_gain, self.power_limit, self.hard_limit]
+            .iter()
+            .any(Option::is_some)
     }
 
     /// True if something besides a response is to be measured or set.
@@ -215,8 +216,10 @@ const UNANSWERED: &str = "nobody answered: give --resistance, --amplifier-gain, 
 /// Checks the ranges of `changes` before they are stored.
 fn check(changes: &[SettingChange]) -> Result<()> {
     for change in changes {
-        let checked = change.setting.check(change.value);
-        checked.map_err(|error| Error::Request(format!("nothing was stored: {error}")))?;
+        change
+            .setting
+            .check(change.value)
+            .map_err(|error| Error::Request(format!("nothing was stored: {error}")))?;
     }
     Ok(())
 }
@@ -291,8 +294,8 @@ impl CalibrationRun<'_> {
         if self.arguments.accelerometer {
             let pose = self.measure("in the air, tip down", &AtRest::ACCELERATION)?;
             let opposite = self.measure("in the air, tip up", &AtRest::ACCELERATION)?;
-            let zeros = acceleration_zeros(&pose, &opposite, settings);
-            let zeros = zeros.map_err(|words| Error::Request(format!("nothing was stored: {words}")))?;
+            let zeros = acceleration_zeros(&pose, &opposite, settings)
+                .map_err(|words| Error::Request(format!("nothing was stored: {words}")))?;
             changes.extend(zeros);
         }
         let scales = self.scales()?;

@@ -100,8 +100,9 @@ impl ResponseArguments {
             invert: self.invert,
         };
         let goes_on = || !interrupt.is_raised();
-        let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
-        let now = now.map_or(0, |since| since.as_secs());
+        let now = SystemTime::now()
+            .duration_since(SystemTime::UNIX_EPOCH)
+            .map_or(0, |since| since.as_secs());
         let mut heard = |step: &str| note(&format!("  {step}"));
         let outcome =
             DeviceBench::new(device, &goes_on).and_then(|mut bench| calibrate(&mut bench, &options, now, &mut heard));

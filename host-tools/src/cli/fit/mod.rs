@@ -5,9 +5,8 @@ mod report;
 mod strokes;
 
 use clap::ArgGroup;
-use host_tools::fit;
-use host_tools::fit::Fit;
 use host_tools::fit::record::{FitRecord, FoundLines};
+use host_tools::fit::{self, Fit};
 use host_tools::recording::{RecordingSet, Snap};
 use host_tools::support::error::{Error, Result};
 use host_tools::support::number::counted;

@@ -3,10 +3,9 @@
 
 use std::path::{Path, PathBuf};
 
-use host_tools::fit;
 use host_tools::fit::parts::{Mapped, Merged, Shard, map};
 use host_tools::fit::record::FitRecord;
-use host_tools::fit::{Fit, TrialReport};
+use host_tools::fit::{self, Fit, TrialReport};
 use host_tools::recording::RecordingSet;
 use host_tools::support::error::{Error, Result};
 use host_tools::support::file_name::Stems;
@@ -189,8 +188,9 @@ fn row(written: &Written) -> Vec<String> {
 fn library(merged: &Merged<'_>, index: usize, name: &str, path: &Path, options: &fit::Options) -> Result<Written> {
     let (set, contents, fit) = merged.fit_texture(index)?;
     let bytes = fit.library()?;
-    let record = FitRecord::with_contents(&set, options, &bytes, &contents);
-    record.with_account_of(&fit).write_with(path, &bytes)?;
+    FitRecord::with_contents(&set, options, &bytes, &contents)
+        .with_account_of(&fit)
+        .write_with(path, &bytes)?;
     let doubtful = |trial: &&TrialReport| trial.is_doubtful();
     Ok(Written {
         texture: name.to_owned(),

@@ -75,10 +75,10 @@ pub fn lines_found(fit: &Fit) -> String {
             None => said.push((words, vec![&texture.name])),
         }
     }
-    let lines = said
-        .iter()
-        .map(|(words, names)| format!("{}: {words}", names.join(", ")));
-    lines.collect::<Vec<_>>().join("\n")
+    said.iter()
+        .map(|(words, names)| format!("{}: {words}", names.join(", ")))
+        .collect::<Vec<_>>()
+        .join("\n")
 }
 
 /// Smallest fraction of power due to the rig's noise that is shown without --full.
@@ -94,11 +94,11 @@ pub fn rigs_share(fit: &Fit) -> Option<String> {
     };
     let (mut rows, mut is_known) = (Vec::new(), false);
     for texture in &fit.textures {
-        let trials = fit
+        let known = fit
             .trials
             .iter()
-            .filter(|trial| trial.texture == texture.name && trial.used);
-        let known = trials.filter_map(|trial| Some((trial.speed_mm_s, trial.floor_shares.as_deref()?)));
+            .filter(|trial| trial.texture == texture.name && trial.used)
+            .filter_map(|trial| Some((trial.speed_mm_s, trial.floor_shares.as_deref()?)));
         for at in by_speed(known) {
             is_known = true;
             let bands: Vec<String> = at.shares.into_iter().enumerate().filter_map(band).collect();

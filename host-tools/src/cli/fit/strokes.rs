@@ -61,8 +61,9 @@ impl Strokes {
         };
         let stem = |path: &PathBuf| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let word = |path: &PathBuf| {
-            let stem = stem(path);
-            stem.trim_end_matches(|end: char| !end.is_alphabetic()).to_lowercase()
+            stem(path)
+                .trim_end_matches(|end: char| !end.is_alphabetic())
+                .to_lowercase()
         };
         // Several materials in one call would become one texture that jumps between them.
         if let Some(other) = files.iter().find(|path| word(path) != word(first)) {

@@ -74,8 +74,7 @@ fn text(fit: &TapFit) -> String {
             ("left out", impact.left_out.clone().unwrap_or_default()),
         ]
     }));
-    let counted = fit.impacts.iter().filter(|i| i.left_out.is_none());
-    let counted: Vec<_> = counted.collect();
+    let counted: Vec<_> = fit.impacts.iter().filter(|i| i.left_out.is_none()).collect();
     // `TapFit::new` refuses recordings of which no impact counts.
     let left = counted.iter().map(|i| i.residual).sum::<f64>() / counted.len() as f64;
     let simulated = if fit.is_simulated { ", SIMULATED" } else { "" };
@@ -84,8 +83,7 @@ fn text(fit: &TapFit) -> String {
     });
     let (gain, remark) = fit.gain_m_s2_per_n_s.map_or_else(
         || {
-            let loudest = counted.iter().map(|i| i.amplitude_m_s2);
-            let loudest = loudest.fold(0.0, f64::max);
+            let loudest = counted.iter().map(|i| i.amplitude_m_s2).fold(0.0, f64::max);
             let guess = loudest / ASSUMED_FORCE_RATE_N_S;
             (guess, "  # a guess: the loudest tap at 100 N/s")
         },

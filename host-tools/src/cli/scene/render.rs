@@ -107,6 +107,5 @@ impl Source {
 
 /// Returns true if the name of a file is that of a scene file.
 pub fn is_text(path: &Path) -> bool {
-    let extension = path.extension().unwrap_or_default();
-    extension.eq_ignore_ascii_case("toml")
+    path.extension().unwrap_or_default().eq_ignore_ascii_case("toml")
 }

@@ -68,8 +68,10 @@ fn after_preamble(rows: &[&(u64, String)]) -> Option<(u64, char)> {
         (are_numbers && first > 1 && first == second).then_some((index, first, separator))
     });
     let (index, count, separator) = numbers?;
-    let above = rows[..index].iter().rev();
-    let of_table = above.take_while(|row| fields(&row.1, separator) == count);
+    let of_table = rows[..index]
+        .iter()
+        .rev()
+        .take_while(|row| fields(&row.1, separator) == count);
     let begin = index - of_table.count();
     let last_above = rows[..begin].last()?;
     if begin == index && fields(&last_above.1, separator) > 1 {
@@ -77,8 +79,9 @@ fn after_preamble(rows: &[&(u64, String)]) -> Option<(u64, char)> {
         return None;
     }
     // A line with more fields is the header of a table whose rows end with empty fields.
-    let are_shorter = (rows[..begin].iter()).all(|row| fields(&row.1, separator) < count);
-    are_shorter.then(|| (rows[begin].0, separator))
+    (rows[..begin].iter())
+        .all(|row| fields(&row.1, separator) < count)
+        .then(|| (rows[begin].0, separator))
 }
 
 /// Returns the separator of a table, determined from its header and the row below, or from two rows.
@@ -86,11 +89,11 @@ fn separator_of([header, sample]: [&str; 2]) -> char {
     let [of_header, of_sample] = [header, sample].map(|line| SEPARATORS.map(|s| fields(line, s)));
     let first = |holds: &dyn Fn(usize) -> bool| (0..SEPARATORS.len()).find(|&index| holds(index));
     // Preferred: both lines have the same number of fields; then both have several; then only one has.
-    let found = first(&|index| of_header[index] > 1 && of_header[index] == of_sample[index])
+    first(&|index| of_header[index] > 1 && of_header[index] == of_sample[index])
         .or_else(|| first(&|index| of_header[index] > 1 && of_sample[index] > 1))
         .or_else(|| first(&|index| of_sample[index] > 1))
-        .or_else(|| first(&|index| of_header[index] > 1 && SEPARATORS[index] != ' '));
-    found.map_or(',', |index| SEPARATORS[index])
+        .or_else(|| first(&|index| of_header[index] > 1 && SEPARATORS[index] != ' '))
+        .map_or(',', |index| SEPARATORS[index])
 }
 
 /// Returns the number of fields of a line. Separators within quotation marks do not count, and neither does an empty
@@ -100,11 +103,14 @@ fn fields(line: &str, separator: char) -> usize {
         return line.split_whitespace().count();
     }
     let mut quoted = false;
-    let separators = line.trim_end().trim_end_matches(separator).chars();
-    let outside = separators.filter(|&character| {
-        quoted ^= character == '"';
-        !quoted && character == separator
-    });
+    let outside = line
+        .trim_end()
+        .trim_end_matches(separator)
+        .chars()
+        .filter(|&character| {
+            quoted ^= character == '"';
+            !quoted && character == separator
+        });
     1 + outside.count()
 }
 
@@ -125,12 +131,13 @@ fn are_names(line: &str, numbers: &str, separator: char) -> bool {
 
 /// Returns the names, if every field of the line consists of a name, a colon and a number.
 fn labels(line: &str, separator: char) -> Option<Vec<String>> {
-    let labels = split(line, separator).map(|field| {
-        let (name, number) = field.trim().split_once(':')?;
-        let is_label = name.starts_with(char::is_alphabetic) && is_number(number);
-        is_label.then(|| name.to_owned())
-    });
-    labels.collect()
+    split(line, separator)
+        .map(|field| {
+            let (name, number) = field.trim().split_once(':')?;
+            let is_label = name.starts_with(char::is_alphabetic) && is_number(number);
+            is_label.then(|| name.to_owned())
+        })
+        .collect()
 }
 
 /// Returns true for a number, a date or a time of day, with or without quotation marks.
@@ -145,8 +152,7 @@ fn is_number(field: &str) -> bool {
 
 /// Returns the fields of a line, counted like in [`fields`] but without regard to quotation marks.
 pub(super) fn split(line: &str, separator: char) -> impl Iterator<Item = &str> {
-    let line = line.trim();
-    let line = line.trim_end_matches(separator).split(separator);
+    let line = line.trim().trim_end_matches(separator).split(separator);
     // Between words, any number of spaces is one separator.
     line.filter(move |field| separator != ' ' || !field.is_empty())
 }

@@ -247,8 +247,9 @@ mod tests {
         assert!(program(vec![reference(1040, false, "data", 0x2000_9000)]).is_ok());
         for at in [1040, 2040] {
             for is_call in [false, true] {
-                let error = program(vec![reference(at, is_call, "somewhere", FLASH)]);
-                let error = error.expect_err("it is in flash").to_string();
+                let error = program(vec![reference(at, is_call, "somewhere", FLASH)])
+                    .expect_err("it is in flash")
+                    .to_string();
                 assert!(error.contains("somewhere"), "{error}");
             }
         }

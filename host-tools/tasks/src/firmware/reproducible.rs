@@ -45,8 +45,11 @@ pub fn check(toolchain: &Toolchain, board: &Board) -> Result<usize> {
     let second = build_in(toolchain, board, Image::Product, &folders, Progress::Quiet)?;
     let second = read(&second)?;
     if first != second {
-        let pairs = first.iter().zip(&second);
-        let at = pairs.take_while(|(one, other)| one == other).count();
+        let at = first
+            .iter()
+            .zip(&second)
+            .take_while(|(one, other)| one == other)
+            .count();
         bail!(
             "two builds in two folders differ from byte {at} of the file on: see --remap-path-prefix in \
              host-tools/tasks/src/workspace.rs"

@@ -68,9 +68,11 @@ pub fn all_pieces(image: &[u8]) -> Result<Vec<Piece>> {
 /// The errors of [`pieces`]; or there is nothing at the region's start.
 pub fn flashed(image: &[u8], name: &str) -> Result<Vec<u8>> {
     let (start, _) = region(name).with_context(|| format!("memory.x has no region {name}"))?;
-    let piece = pieces(image)?.into_iter().find(|piece| piece.address == start);
-    let piece = piece.with_context(|| format!("the image has nothing at the start of {name}"))?;
-    Ok(piece.bytes)
+    Ok(pieces(image)?
+        .into_iter()
+        .find(|piece| piece.address == start)
+        .with_context(|| format!("the image has nothing at the start of {name}"))?
+        .bytes)
 }
 
 /// Joins segments, in ascending order, to one piece per region.

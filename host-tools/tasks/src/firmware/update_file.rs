@@ -46,8 +46,7 @@ pub fn write(image: &Path, board: &Board, arguments: &Arguments) -> Result<PathB
         // The signature follows the header.
         signed[HEADER_BYTES..].copy_from_slice(&UNSIGNED);
     }
-    let out = arguments.out.clone();
-    let out = out.unwrap_or_else(|| image.with_extension("image"));
+    let out = arguments.out.clone().unwrap_or_else(|| image.with_extension("image"));
     fs::write(&out, [&signed[..], &body].concat()).with_context(|| out.display().to_string())?;
     Ok(out)
 }
@@ -88,11 +87,14 @@ fn digits(bytes: &[u8]) -> String {
 }
 
 fn read_key(path: &Path) -> Result<[u8; 32]> {
-    let text = String::from_utf8(read(path)?).ok();
-    let bytes = text.as_deref().map(str::trim).and_then(|digits| {
-        let byte = |index: usize| u8::from_str_radix(digits.get(2 * index..2 * index + 2)?, 16).ok();
-        (digits.len() == 64).then(|| (0..32).map(byte).collect::<Option<Vec<u8>>>())?
-    });
+    let bytes = String::from_utf8(read(path)?)
+        .ok()
+        .as_deref()
+        .map(str::trim)
+        .and_then(|digits| {
+            let byte = |index: usize| u8::from_str_radix(digits.get(2 * index..2 * index + 2)?, 16).ok();
+            (digits.len() == 64).then(|| (0..32).map(byte).collect::<Option<Vec<u8>>>())?
+        });
     bytes
         .and_then(|bytes| bytes.try_into().ok())
         .with_context(|| format!("{}: not a key that `cargo tasks keys` wrote", path.display()))

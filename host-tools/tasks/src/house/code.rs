@@ -105,8 +105,10 @@ impl Reader<'_> {
 
 fn module_of(file: &str) -> Option<Path> {
     let (root, rest) = file.split_once("/src/")?;
-    let parts = rest.strip_suffix(".rs")?.split('/');
-    let parts = parts.filter(|part| !["mod", "lib", "main"].contains(part));
+    let parts = rest
+        .strip_suffix(".rs")?
+        .split('/')
+        .filter(|part| !["mod", "lib", "main"].contains(part));
     Some([root].into_iter().chain(parts).map(str::to_owned).collect())
 }
 

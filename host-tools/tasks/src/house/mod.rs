@@ -41,8 +41,9 @@ mod tests {
 
     /// Returns the findings in `files`.
     fn found(files: &[(&str, &str)]) -> Vec<String> {
-        let findings = check_tree(&Tree::of(files)).0.into_iter();
-        findings
+        check_tree(&Tree::of(files))
+            .0
+            .into_iter()
             .map(|(path, line, problem)| format!("{path}:{line}: {problem}"))
             .collect()
     }

@@ -45,12 +45,14 @@ pub fn check(tree: &Tree, findings: &mut Findings) {
 /// Returns the page `text` with its code fences blank.
 fn outside_fences(text: &str) -> String {
     let mut is_open = false;
-    let lines = text.split('\n').map(|line| {
-        let is_mark = line.trim_start().starts_with("```");
-        is_open ^= is_mark;
-        if is_open || is_mark { "" } else { line }
-    });
-    lines.collect::<Vec<_>>().join("\n")
+    text.split('\n')
+        .map(|line| {
+            let is_mark = line.trim_start().starts_with("```");
+            is_open ^= is_mark;
+            if is_open || is_mark { "" } else { line }
+        })
+        .collect::<Vec<_>>()
+        .join("\n")
 }
 
 /// Returns the links in `piece` to files: position, path, and whether the file exists.

@@ -45,8 +45,9 @@ impl Tree {
 
     /// Returns all files whose name has this `ending`.
     pub fn texts_of(&self, ending: &str) -> impl Iterator<Item = (&str, &str)> {
-        let texts = (self.0.iter()).map(|(path, text)| (path.as_str(), text.as_str()));
-        texts.filter(move |(path, _)| path.ends_with(ending))
+        (self.0.iter())
+            .map(|(path, text)| (path.as_str(), text.as_str()))
+            .filter(move |(path, _)| path.ends_with(ending))
     }
 
     /// Returns true if `path` is a file, or a folder that contains one.

@@ -17,10 +17,16 @@ pub fn cut(text: &str, version: &str, date: &str) -> Result<String> {
     if lines.iter().any(|line| line.starts_with(&heading)) {
         bail!("CHANGELOG.md has version {version} already: raise `version` in Cargo.toml");
     }
-    let at = lines.iter().position(|line| *line == UNRELEASED);
-    let at = at.with_context(|| format!("CHANGELOG.md has no line \"{UNRELEASED}\""))?;
-    let entries = lines[at + 1..].iter().take_while(|line| !line.starts_with("## "));
-    if entries.clone().all(|line| line.is_empty()) {
+    let at = lines
+        .iter()
+        .position(|line| *line == UNRELEASED)
+        .with_context(|| format!("CHANGELOG.md has no line \"{UNRELEASED}\""))?;
+    if lines[at + 1..]
+        .iter()
+        .take_while(|line| !line.starts_with("## "))
+        .clone()
+        .all(|line| line.is_empty())
+    {
         bail!("CHANGELOG.md has nothing under \"{UNRELEASED}\"");
     }
     // The line `at` is the last one before the change.

@@ -251,8 +251,9 @@ fn git(arguments: &[&str]) -> Result<String> {
 /// Creates `folder` or empties it. Only files of an earlier release are removed.
 fn emptied(folder: &Path) -> Result<()> {
     fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
-    let files = fs::read_dir(folder)?.map(|entry| Ok(entry?.path()));
-    let files = files.collect::<Result<Vec<PathBuf>>>()?;
+    let files = fs::read_dir(folder)?
+        .map(|entry| Ok(entry?.path()))
+        .collect::<Result<Vec<PathBuf>>>()?;
     for path in &files {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let is_ours = [
@@ -276,8 +277,9 @@ fn emptied(folder: &Path) -> Result<()> {
 
 fn keep(file: &Path, folder: &Path, name: Option<&str>) -> Result<()> {
     let name = name.map_or_else(|| file.file_name().unwrap_or_default().into(), PathBuf::from);
-    let copied = fs::copy(file, folder.join(name));
-    copied.map(drop).with_context(|| file.display().to_string())
+    fs::copy(file, folder.join(name))
+        .map(drop)
+        .with_context(|| file.display().to_string())
 }
 
 fn write(folder: &Path, name: &str, text: &str) -> Result<()> {
@@ -290,8 +292,9 @@ const SUMS: &str = "SHA256SUMS";
 
 /// Writes the checksums of all files in `folder`, and returns them.
 fn checksums(folder: &Path) -> Result<String> {
-    let names = fs::read_dir(folder)?.map(|entry| Ok(entry?.file_name()));
-    let mut names = names.collect::<Result<Vec<_>>>()?;
+    let mut names = fs::read_dir(folder)?
+        .map(|entry| Ok(entry?.file_name()))
+        .collect::<Result<Vec<_>>>()?;
     // A folder lists its files in any order, and the list has to be the same everywhere.
     names.sort();
     let mut program = Command::new(process::find("sha256sum", "it comes with GNU coreutils")?);

@@ -74,17 +74,19 @@ pub fn build(system: &System, build: &Build) -> Result<()> {
 
 /// Returns the number of the interface that the header declares.
 fn interface(header: &str) -> Result<&str> {
-    let numbers = header
+    header
         .lines()
-        .find_map(|line| line.strip_prefix("#define STYLUS_PLAYER_ABI "));
-    numbers.context("the header defines no STYLUS_PLAYER_ABI")
+        .find_map(|line| line.strip_prefix("#define STYLUS_PLAYER_ABI "))
+        .context("the header defines no STYLUS_PLAYER_ABI")
 }
 
 /// Returns the names of the functions that the header declares: the words before a bracket, outside of comments.
 fn functions(header: &str) -> Vec<&str> {
     let lines = header.lines().filter(|line| !line.trim().starts_with("//"));
-    let heads = lines.filter_map(|line| line.split_once('('));
-    heads.filter_map(|(head, _)| head.rsplit([' ', '*']).next()).collect()
+    lines
+        .filter_map(|line| line.split_once('('))
+        .filter_map(|(head, _)| head.rsplit([' ', '*']).next())
+        .collect()
 }
 
 /// Writes `stylusplayer.def` and `stylusplayer.lib` into `folder`. MSVC needs them to link with the DLL. Rust's linker
@@ -108,8 +110,7 @@ fn write_import_library(header: &str, folder: &Path) -> Result<()> {
 fn copy(file: &Path, folder: &Path) -> Result<()> {
     fs::create_dir_all(folder)?;
     let to: PathBuf = folder.join(file.file_name().unwrap_or_default());
-    let copied = fs::copy(file, to);
-    copied.map(drop).with_context(|| file.display().to_string())
+    fs::copy(file, to).map(drop).with_context(|| file.display().to_string())
 }
 
 /// Writes an archive whose bytes depend only on names, contents and the time of the commit.

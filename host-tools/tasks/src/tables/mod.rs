@@ -80,8 +80,11 @@ pub fn check_instant() -> Result<()> {
     }
     // Every block in the pages must be one that a command writes.
     for (_, path) in PAGES {
-        let text = std::fs::read_to_string(workspace::root().join(path)).context(path)?;
-        for line in text.lines().filter_map(|line| line.strip_prefix(OPENING)) {
+        for line in std::fs::read_to_string(workspace::root().join(path))
+            .context(path)?
+            .lines()
+            .filter_map(|line| line.strip_prefix(OPENING))
+        {
             page(line.split(',').next().unwrap_or(line))?;
         }
     }

@@ -23,8 +23,7 @@ pub struct Page {
 impl Page {
     /// Reads the page at `path`.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path);
-        let text = text.with_context(|| path.display().to_string())?;
+        let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
         let path = path.to_owned();
         Ok(Self { path, text })
     }

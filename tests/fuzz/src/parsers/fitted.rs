@@ -159,8 +159,14 @@ pub fn hatt(input: &[u8]) {
     };
     let toolkit = &sources[0].toolkit;
     assert!(!toolkit.models.is_empty());
-    let corners = toolkit.triangles.iter().flatten();
-    assert!(corners.into_iter().all(|&corner| corner < toolkit.models.len()));
+    assert!(
+        toolkit
+            .triangles
+            .iter()
+            .flatten()
+            .into_iter()
+            .all(|&corner| corner < toolkit.models.len())
+    );
     for model in &toolkit.models {
         assert!(model.speed_mm_s.is_finite() && model.force_n.is_finite());
     }

@@ -37,8 +37,7 @@ pub fn judge(input: &[u8]) {
 
 fn decoded(stream: &[u8]) -> Vec<Vec<u8>> {
     let mut decoder = FrameDecoder::default();
-    let frames = stream.iter().filter_map(|&byte| decoder.push(byte)?.ok());
-    frames.collect()
+    stream.iter().filter_map(|&byte| decoder.push(byte)?.ok()).collect()
 }
 
 /// Decodes a frame as the answer of each endpoint. Chunks of an upload, applied settings and confirmed updates have

@@ -39,8 +39,10 @@ pub type Grammar<'a> = [&'a [Piece<'a>]; 3];
 
 /// Returns the input that [`judge`] reads as this grammar of a file of `format`.
 pub fn input(format: Format, grammar: Grammar<'_>) -> Vec<u8> {
-    let number = Format::ALL.iter().position(|&one| one == format);
-    let number = number.expect("it is one of all");
+    let number = Format::ALL
+        .iter()
+        .position(|&one| one == format)
+        .expect("it is one of all");
     let mut input = [number, grammar[0].len(), grammar[1].len()]
         .map(|number| number as u8)
         .to_vec();

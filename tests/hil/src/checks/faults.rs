@@ -199,8 +199,7 @@ fn with_sections(bench: &DeviceUnderTest, section: Injected) -> Result<(u32, u32
     }
     let loss = stream.stop()?;
     let after = bench.status()?;
-    let late = after.tick.late_conversions;
-    let late = late.saturating_sub(before.tick.late_conversions);
+    let late = after.tick.late_conversions.saturating_sub(before.tick.late_conversions);
     Ok((late, loss.torn_samples))
 }
 

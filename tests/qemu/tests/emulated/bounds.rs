@@ -137,8 +137,7 @@ impl Recipe {
         let room = self.0[8] as usize - last.len().min(self.0[8] as usize);
         let filler = if self.0[9] == 1 { 'ß' } else { 'x' };
         let fill = room / filler.len_utf8();
-        let filler = core::iter::repeat_n(filler, fill);
-        filler.chain(last.chars()).collect()
+        core::iter::repeat_n(filler, fill).chain(last.chars()).collect()
     }
 
     fn texture(&self, index: u32) -> TextureSpec {
@@ -305,8 +304,7 @@ fn measured(image: &std::path::Path, recipes: &[Recipe], most: usize) -> Vec<Cos
         let text = held(qemu::run(Processor::CortexM4, image, Some(&job)));
         assert_eq!(text.lines().last().map(str::trim_end), Some(report::END));
         for line in text.lines().filter_map(|line| line.strip_prefix(report::LIBRARY_COST)) {
-            let numbers = line.split_whitespace().map(|n| n.parse().unwrap());
-            let numbers: Vec<u64> = numbers.collect();
+            let numbers: Vec<u64> = line.split_whitespace().map(|n| n.parse().unwrap()).collect();
             let [bytes, decode, _, longest_step, plan] = numbers[..] else {
                 panic!("{line}");
             };

@@ -74,8 +74,9 @@ fn what_is_counted_now_of_the_shipped_lattice_is_what_the_table_says() {
     let mut wrong = Vec::new();
     for (processor, core) in Processor::ALL.into_iter().zip([Core::M4, Core::M7]) {
         for now in counted(processor, &COUNTED_ORDERS) {
-            let entry = table.entry(SHIPPED, now.nodes, core, now.order as u32);
-            let entry = entry.expect("the table has all orders that are counted");
+            let entry = table
+                .entry(SHIPPED, now.nodes, core, now.order as u32)
+                .expect("the table has all orders that are counted");
             for (figure, counted, apart) in [
                 (entry.sample.instructions, now.sample.fewest, SAMPLE),
                 (entry.sample.instructions, now.sample.most, SAMPLE),

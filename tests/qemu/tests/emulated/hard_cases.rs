@@ -94,8 +94,10 @@ fn extremes(cases: &[Prepared], samples: &[Cost]) -> BTreeMap<String, (u32, u32,
     for case in cases {
         for way in [report::SYNTHESIS, report::FILTER] {
             let name = format!("{way} {}", case.case.name);
-            let cost = samples.iter().find(|cost| cost.texture == name);
-            let cost = cost.unwrap_or_else(|| panic!("{name} was not measured"));
+            let cost = samples
+                .iter()
+                .find(|cost| cost.texture == name)
+                .unwrap_or_else(|| panic!("{name} was not measured"));
             // The synthesis has one phase, and the filter on its own has six.
             let phases = if way == report::SYNTHESIS { 1 } else { 6 };
             assert_eq!(cost.calls, phases * SAMPLES, "{name}");

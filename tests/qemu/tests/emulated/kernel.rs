@@ -72,11 +72,16 @@ fn the_kernel_is_within_its_budget_and_a_sample_takes_the_same_instructions_what
 /// The largest budget of an update, which the test above holds.
 #[test]
 fn the_page_of_costs_says_what_an_update_takes_at_most() {
-    let budgets = COST_BUDGETS.iter().map(|own| own.update_budget_instructions);
-    let most = budgets.max().expect("some are measured");
+    let most = COST_BUDGETS
+        .iter()
+        .map(|own| own.update_budget_instructions)
+        .max()
+        .expect("some are measured");
     let words = format!("an update takes up to {} {:03} instructions", most / 1000, most % 1000);
-    let page = include_str!("../../../../host-tools/manual/COSTS.md");
-    let page = page.split_whitespace().collect::<Vec<_>>().join(" ");
+    let page = include_str!("../../../../host-tools/manual/COSTS.md")
+        .split_whitespace()
+        .collect::<Vec<_>>()
+        .join(" ");
     assert!(page.contains(&words), "{words}");
 }
 
@@ -88,8 +93,11 @@ fn the_excitation_of_a_fed_voice_takes_an_update_what_the_model_says_and_a_sampl
     for processor in Processor::ALL {
         let report = report(processor);
         let most = |costs: &[compare::Cost], texture: &str| {
-            let found = costs.iter().find(|cost| cost.texture == texture);
-            found.expect("it is measured").most
+            costs
+                .iter()
+                .find(|cost| cost.texture == texture)
+                .expect("it is measured")
+                .most
         };
         let fed = "lattice, snippets";
         let more = most(&report.follows, fed) - most(&report.follows, "lattice");
@@ -109,8 +117,11 @@ fn a_wander_costs_a_sample_nothing_and_an_update_at_most_900_instructions() {
         let more = |costs: &[compare::Cost]| {
             let textures = ["lattice, four lines", "lattice, four lines that wander"];
             let [steady, wandering] = textures.map(|texture| {
-                let cost = costs.iter().find(|cost| cost.texture == texture);
-                cost.expect("it is measured").most
+                costs
+                    .iter()
+                    .find(|cost| cost.texture == texture)
+                    .expect("it is measured")
+                    .most
             });
             wandering.abs_diff(steady)
         };

@@ -335,8 +335,7 @@ fn resolution(registers: &RegisterFile) -> u64 {
 }
 
 fn channel_at(rank: usize, registers: &RegisterFile) -> u64 {
-    let field = [jsqr::JSQ1, jsqr::JSQ2, jsqr::JSQ3, jsqr::JSQ4][rank];
-    field.get(registers.get(Register::Jsqr))
+    [jsqr::JSQ1, jsqr::JSQ2, jsqr::JSQ3, jsqr::JSQ4][rank].get(registers.get(Register::Jsqr))
 }
 
 fn tell_what_is_left_out(Call { registers, context }: &mut Call<'_, '_>) {

@@ -131,8 +131,9 @@ impl Contents {
         // A file is longest if every word has both flags, which take four bytes each.
         let most = BYTES + BYTES / WORD_BYTES as usize * 8;
         let mut bytes = Vec::new();
-        let file = std::fs::File::open(path).map_err(|error| told(error.to_string()))?;
-        let mut file = file.take(most as u64 + 1);
+        let mut file = std::fs::File::open(path)
+            .map_err(|error| told(error.to_string()))?
+            .take(most as u64 + 1);
         file.read_to_end(&mut bytes).map_err(|error| told(error.to_string()))?;
         if bytes.len() > most {
             return Err(told(format!("is longer than a flash's {most} bytes")));
@@ -162,8 +163,7 @@ impl Contents {
     /// The bytes of a file with this content: both banks, then the addresses of unreadable and of filled words.
     pub fn to_bytes(&self) -> Vec<u8> {
         let filled = self.filled.iter().map(|address| address | FILLED);
-        let marks = self.unreadable.iter().copied().chain(filled);
-        let marks = marks.flat_map(u32::to_le_bytes);
+        let marks = self.unreadable.iter().copied().chain(filled).flat_map(u32::to_le_bytes);
         self.bytes.iter().copied().chain(marks).collect()
     }
 
@@ -653,8 +653,9 @@ impl Around<Flash> for Journal {
             _ => return None,
         };
         let mut failed = failed.failed.iter();
-        let hit = failed.any(|&address| usize::from(address >= BASE + BANK_BYTES) == bank);
-        hit.then(|| sr1::DBECCERR1.set(value, 1))
+        failed
+            .any(|&address| usize::from(address >= BASE + BANK_BYTES) == bank)
+            .then(|| sr1::DBECCERR1.set(value, 1))
     }
 
     fn after(&mut self, _inner: &mut Flash, call: &mut Call<'_, '_>) {

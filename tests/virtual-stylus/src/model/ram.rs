@@ -89,8 +89,9 @@ impl Ram {
     pub fn pages(&self, page_bytes: u64) -> Vec<u64> {
         let mut state = self.state();
         if !state.is_writable {
-            let memories = MEMORIES.into_iter().map(|(memory, _)| memory);
-            return memories
+            return MEMORIES
+                .into_iter()
+                .map(|(memory, _)| memory)
                 .flat_map(|memory| memory.step_by(page_bytes as usize))
                 .collect();
         }

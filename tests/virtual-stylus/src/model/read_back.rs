@@ -123,8 +123,7 @@ impl ReadBack {
 
     /// Noise of unit variance: the sum of twelve uniform numbers from 0 to 1, minus 6.
     fn noise(&mut self) -> f64 {
-        let uniform = (0..12).map(|_| self.chance.fraction());
-        uniform.sum::<f64>() - 6.0
+        (0..12).map(|_| self.chance.fraction()).sum::<f64>() - 6.0
     }
 }
 

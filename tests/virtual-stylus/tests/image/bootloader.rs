@@ -25,8 +25,9 @@ const MODER: u64 = 0;
 const ODR: u64 = 0x14;
 
 fn place(contents: &mut Contents, offset: u32, bytes: &[u8]) {
-    let placed = contents.place(u64::from(BASE + offset), bytes);
-    placed.expect("it is in the flash");
+    contents
+        .place(u64::from(BASE + offset), bytes)
+        .expect("it is in the flash");
 }
 
 /// The flash with the product and with an update to `new` in the second slot, which the bootloader is to exchange.
@@ -40,8 +41,10 @@ pub fn committed_on(board: &Board, new: &[u8]) -> Contents {
     let memory = block_on(async {
         let flash = SimulatedFlash::new(Memory::blank(RECORDS.end as usize));
         let mut store = Store::open(flash, RECORDS).await;
-        let replaced = store.replace(Record::marked(mark::SWAP, 1, [1, 2, 3]));
-        replaced.await.expect("it is kept");
+        store
+            .replace(Record::marked(mark::SWAP, 1, [1, 2, 3]))
+            .await
+            .expect("it is kept");
         store.into_flash().memory
     });
     let record = &memory.bytes()[RECORDS.start as usize..][..WORD_BYTES];

@@ -34,8 +34,7 @@ pub fn count(device: &mut Device, what: &str, millis: u64) -> Count {
         .filter(|tick| !beginning(tick))
         .map(|tick| tick.instructions)
         .collect();
-    let others = ticks.iter().filter(beginning).map(|tick| tick.instructions);
-    let others: BTreeSet<u32> = others.collect();
+    let others: BTreeSet<u32> = ticks.iter().filter(beginning).map(|tick| tick.instructions).collect();
     let count = Count {
         within: within[0],
         beginning: *others.last().expect("blocks begin"),
@@ -214,9 +213,12 @@ fn fading(device: &mut Device) -> u32 {
     device.run_for(30 * MS);
     device.play_scene("lattice", 3);
     let after = ticks(device, 20);
-    let within = after.iter().filter(|tick| !hands_over(&after, tick));
-    let fading = within.map(|tick| tick.instructions).max();
-    let fading = fading.expect("there are ticks");
+    let fading = after
+        .iter()
+        .filter(|tick| !hands_over(&after, tick))
+        .map(|tick| tick.instructions)
+        .max()
+        .expect("there are ticks");
     println!("instructions a tick, four sections, fading: {fading}");
     fading
 }

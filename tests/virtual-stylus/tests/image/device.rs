@@ -317,8 +317,12 @@ impl Device {
             }
             let now = self.stylus.now_ns();
             if now >= end {
-                let frames = self.side.frames.iter();
-                let told: Vec<_> = frames.map(|frame| (frame.header, &frame.body)).collect();
+                let told: Vec<_> = self
+                    .side
+                    .frames
+                    .iter()
+                    .map(|frame| (frame.header, &frame.body))
+                    .collect();
                 let resets = self.stylus.resets();
                 panic!("{} is not answered; unasked: {told:?}; {resets:?}", E::PATH);
             }

@@ -160,8 +160,9 @@ impl<'a> Output<'a> {
             self.codes.get(tick as usize - 1) == Some(&processed.map(DacCode::get))
         };
         let mut ticks = self.ticks.clone().map(is_equal).zip(self.ticks.clone());
-        let different = ticks.find(|(is_equal, _)| !is_equal);
-        different.map_or(self.ticks.end, |(_, tick)| tick)
+        ticks
+            .find(|(is_equal, _)| !is_equal)
+            .map_or(self.ticks.end, |(_, tick)| tick)
     }
 }
 

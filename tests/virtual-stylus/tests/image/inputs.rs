@@ -62,8 +62,7 @@ fn a_tick_that_is_25_microseconds_late_reads_the_row_of_its_trigger() {
         assert_eq!(late, 0);
         for (pair, (row, is_whole)) in samples.windows(2).zip(&samples[1..]) {
             assert!(*is_whole);
-            let before = pair[0].0;
-            let before = before.unwrap_or_else(|| panic!("torn on revision {revision:#x}"));
+            let before = pair[0].0.unwrap_or_else(|| panic!("torn on revision {revision:#x}"));
             assert_eq!(*row, Some(before + 1), "each sample is the row after the one before");
         }
     }

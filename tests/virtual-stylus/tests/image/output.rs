@@ -53,8 +53,10 @@ fn offset(output: &Output) -> u16 {
 /// Largest offset from mid-scale in the last 5 ms, converter steps.
 fn loudness(device: &mut Device) -> u16 {
     let now = device.stylus.now_ns();
-    let recent = device.dac().iter().rev();
-    recent
+    device
+        .dac()
+        .iter()
+        .rev()
         .take_while(|output| output.at_ns + 5 * MS > now)
         .map(offset)
         .max()
@@ -162,11 +164,14 @@ fn a_tick_that_takes_six_periods_is_heard_as_a_fade_to_mid_scale() {
         after.tick.late_outputs, 1,
         "unless the last code was at mid-scale by itself"
     );
-    let silent = outputs
-        .chunk_by(|one, next| one.code == next.code)
-        .filter(|run| run[0].code == Some(MID_SCALE))
-        .map(<[Output]>::len);
-    assert!(silent.max() > Some(CODES));
+    assert!(
+        outputs
+            .chunk_by(|one, next| one.code == next.code)
+            .filter(|run| run[0].code == Some(MID_SCALE))
+            .map(<[Output]>::len)
+            .max()
+            > Some(CODES)
+    );
 }
 
 /// Checks that the amplifier is switched on only after mid-scale has been put out for [`SETTLED_NS`], and is on only
@@ -268,8 +273,7 @@ fn the_clocks_of_the_output_run_and_go_on_while_the_core_sleeps() {
     let mut device = Device::started(library::options());
     for (registers, bits) in clocks {
         for register in registers {
-            let enabled = device.stylus.read_register("RCC", register);
-            let enabled = enabled.expect("it is there");
+            let enabled = device.stylus.read_register("RCC", register).expect("it is there");
             assert_eq!(enabled & bits, bits, "{register:#x}");
         }
     }

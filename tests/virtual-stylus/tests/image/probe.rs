@@ -31,8 +31,7 @@ const WAVE: [i16; 317] = {
 /// Loads the waveform, and returns the request that plays it.
 pub fn load(device: &mut Device) -> ProbeStart {
     for load in ProbeLoad::parts(&WAVE) {
-        let loaded = device.request::<ProbeLoadEndpoint>(&load);
-        loaded.expect("nothing is played");
+        device.request::<ProbeLoadEndpoint>(&load).expect("nothing is played");
     }
     ProbeStart::of(&WAVE, 40, 12.5)
 }
@@ -68,8 +67,10 @@ pub fn store(device: &mut Device, count: usize) -> Response {
     // While the bank with the settings is written, the serial line would lose what is sent.
     device.keep_alive(false);
     let id = response.id();
-    let stored = device.request::<ResponseSetEndpoint>(&ResponseChange::Store { id });
-    let stored = stored.expect("it was proposed").stored;
+    let stored = device
+        .request::<ResponseSetEndpoint>(&ResponseChange::Store { id })
+        .expect("it was proposed")
+        .stored;
     assert_eq!(stored.map(|stored| stored.response), Some(response));
     response
 }

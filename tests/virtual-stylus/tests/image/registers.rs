@@ -157,8 +157,7 @@ fn touched() -> (BTreeMap<u64, u64>, BTreeMap<u64, Described>) {
         SelfTestRequest::Output { disconnected: true },
         SelfTestRequest::Encoder,
     ] {
-        let values = device.request::<SelfTestEndpoint>(&request);
-        values.expect("nothing is played");
+        device.request::<SelfTestEndpoint>(&request).expect("nothing is played");
     }
     device.record();
     device.move_at(120.0);

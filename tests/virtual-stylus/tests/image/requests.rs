@@ -63,8 +63,8 @@ impl Device {
 
     /// The outputs whose codes were put out by the timer, with their instants.
     pub fn triggered(&mut self) -> Vec<Output> {
-        let outputs = self.dac().iter();
-        outputs
+        self.dac()
+            .iter()
             .filter(|output| output.cause == Cause::Trigger)
             .copied()
             .collect()
@@ -78,8 +78,10 @@ impl Device {
 
     /// Returns true if only mid-scale was put out from `from_ns` until before `to_ns`.
     pub fn is_silent(&mut self, from_ns: u64, to_ns: u64) -> bool {
-        let outputs = self.dac().iter();
-        let mut between = outputs.filter(|output| (from_ns..to_ns).contains(&output.at_ns));
+        let mut between = self
+            .dac()
+            .iter()
+            .filter(|output| (from_ns..to_ns).contains(&output.at_ns));
         between.all(|output| output.code.unwrap_or(MID_SCALE) == MID_SCALE)
     }
 
@@ -92,8 +94,7 @@ impl Device {
 
     /// Causes of the resets so far.
     pub fn resets(&mut self) -> Vec<ResetCause> {
-        let resets = self.stylus.resets();
-        resets.iter().map(|reset| reset.cause).collect()
+        self.stylus.resets().iter().map(|reset| reset.cause).collect()
     }
 
     /// Checks that the image requested nothing that a model leaves out.
@@ -118,14 +119,17 @@ impl Device {
 
     /// The recorded samples.
     pub fn samples(&self) -> Vec<RecordSample> {
-        let samples = self.blocks.iter().flat_map(|block| block.samples);
-        samples.map(Into::into).collect()
+        self.blocks
+            .iter()
+            .flat_map(|block| block.samples)
+            .map(Into::into)
+            .collect()
     }
 
     /// Changes one setting.
     pub fn set(&mut self, setting: Setting, value: f32) -> Settings {
-        let changed = self.change_settings(&[change(setting, value)]);
-        changed.expect("in range, and nothing is played")
+        self.change_settings(&[change(setting, value)])
+            .expect("in range, and nothing is played")
     }
 
     pub fn status(&mut self) -> Status {
@@ -143,8 +147,9 @@ impl Device {
 
     /// Begins an upload. Returns the offset of the first byte that the device lacks.
     pub fn begin_upload(&mut self, library: &[u8]) -> usize {
-        let begun = self.request::<UploadBeginEndpoint>(&announced(library));
-        begun.expect("the library fits a slot").next_offset as usize
+        self.request::<UploadBeginEndpoint>(&announced(library))
+            .expect("the library fits a slot")
+            .next_offset as usize
     }
 
     /// Sends chunks from byte `from` on, until byte `end` has been sent. Returns the offset of the next chunk.
@@ -223,8 +228,7 @@ impl Device {
     /// Starts a play, and sends keep-alives from then on.
     pub fn plays(&mut self, request: &PlayRequest) {
         self.keep_alive(true);
-        let played = self.request::<PlayEndpoint>(request);
-        played.expect("it is in the library");
+        self.request::<PlayEndpoint>(request).expect("it is in the library");
     }
 
     pub fn play(&mut self, texture: &str, seed: u64) {

@@ -30,8 +30,9 @@ impl Device {
         assert!(driven.at_ns <= reset_ns + FLOATING_NS, "{driven:?}");
         let other = (outputs.iter()).find(|output| output.code != Some(MID_SCALE));
         assert_eq!(other, None, "after the reset at {reset_ns}");
-        let changes = self.amplifier().into_iter();
-        let mut changes = changes
+        let mut changes = self
+            .amplifier()
+            .into_iter()
             .filter(|change| change.at_ns >= reset_ns)
             .skip_while(|change| change.drive == Drive::Floating);
         let off = changes.next().expect("the amplifier is held off");
@@ -72,8 +73,7 @@ fn an_image_that_a_probe_starts_without_its_bootloader_drives_both_pins_before_i
     let mut flash = Device::new(&product(), Options::default()).stylus.flash();
     // The part loads its stack pointer and the address of its first instruction from here.
     let vectors = flash.bytes[ACTIVE.start as usize..][..8].to_vec();
-    let placed = flash.place(u64::from(FLASH), &vectors);
-    placed.expect("it is in the flash");
+    flash.place(u64::from(FLASH), &vectors).expect("it is in the flash");
     let mut device = Device::new(&product(), library::after(flash));
     device.wait_for_start();
     assert_eq!(device.stylus.refused_stores(), [0; 0]);

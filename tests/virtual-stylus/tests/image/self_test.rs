@@ -206,25 +206,37 @@ fn the_output_is_at_rest_and_follows_the_tick_again_even_if_the_host_is_gone() {
     device.send_frame(<SelfTestEndpoint as postcard_rpc::Endpoint>::REQ_KEY, &OUTPUT);
     device.run_for(2 * SECOND);
     let (now, outputs) = (device.stylus.now_ns(), device.dac().to_vec());
-    let away = outputs.iter().filter(|output| output.code != Some(MID_SCALE));
-    let away: Vec<u64> = away.map(|output| output.at_ns).collect();
+    let away: Vec<u64> = outputs
+        .iter()
+        .filter(|output| output.code != Some(MID_SCALE))
+        .map(|output| output.at_ns)
+        .collect();
     assert!(away.len() > 1_000, "the output was moved");
     // After the start the amplifier is on. It must be on before and after the test, and off in between.
     let amplifier = device.stylus.take_amplifier_record();
     let on_at = |at_ns: u64| {
-        let before = amplifier.iter().rev().find(|driven| driven.at_ns <= at_ns);
-        before.is_some_and(|driven| driven.drive == Drive::High)
+        amplifier
+            .iter()
+            .rev()
+            .find(|driven| driven.at_ns <= at_ns)
+            .is_some_and(|driven| driven.drive == Drive::High)
     };
     assert!(on_at(asked_ns) && on_at(now));
     assert!(!away.iter().any(|&at_ns| on_at(at_ns)));
     // An amplifier takes some time to switch off. A coil connected to it must receive no jump except the one that is
     // measured.
-    let dropped = amplifier.iter().rfind(|driven| driven.drive == Drive::Low);
-    let dropped = dropped.expect("it was on").at_ns;
+    let dropped = amplifier
+        .iter()
+        .rfind(|driven| driven.drive == Drive::Low)
+        .expect("it was on")
+        .at_ns;
     assert!(away[0] - dropped >= 100 * MS, "{} ns", away[0] - dropped);
     let codes: Vec<u16> = outputs.iter().filter_map(|output| output.code).collect();
-    let jumps = codes.windows(2).map(|pair| pair[0].abs_diff(pair[1]));
-    let jumps: Vec<u16> = jumps.filter(|&jump| jump > 128).collect();
+    let jumps: Vec<u16> = codes
+        .windows(2)
+        .map(|pair| pair[0].abs_diff(pair[1]))
+        .filter(|&jump| jump > 128)
+        .collect();
     assert!(jumps.iter().all(|&jump| jump == 2048), "{jumps:?}");
     let last: Vec<_> = (outputs.iter())
         .filter(|output| output.at_ns > now - 500 * MS)

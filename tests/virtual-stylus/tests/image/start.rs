@@ -42,8 +42,7 @@ fn start(device: &mut Device) -> StartReport {
 }
 
 fn register(device: &mut Device, instance: &'static str, offset: u64) -> u32 {
-    let value = device.stylus.read_register(instance, offset);
-    value.expect("it exists")
+    device.stylus.read_register(instance, offset).expect("it exists")
 }
 
 /// Plays until the output is heard, and a little longer.
@@ -59,8 +58,7 @@ fn plays(device: &mut Device) {
 fn the_watchdog_counts_before_a_clock_is_touched() {
     let mut device = Device::new(&product(), Options::default());
     device.stylus.run_until(20_000);
-    let started = device.stylus.board(|board| board.part.watchdog.started());
-    assert!(started);
+    assert!(device.stylus.board(|board| board.part.watchdog.started()));
     assert_eq!(register(&mut device, "RCC", RCC_CR) & HSEON, 0);
     device.wait_for_start();
     let timeout = (device.stylus).board(|board| board.part.watchdog.timeout_ns());

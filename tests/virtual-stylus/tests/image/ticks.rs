@@ -130,11 +130,12 @@ fn a_tick_takes_the_same_instructions_whether_limits_act_on_it_or_not() {
 
 /// The lines of the page's block: a row for each kind of tick, and the compiler.
 fn table(compiler: &str) -> String {
-    let rows = [(AT_REST[0], "idle"), (AT_REST[1], "recording"), (PLAYING.0, PLAYED.1)];
-    let rows = rows.into_iter().map(|(statistics, name)| {
-        let TickStatistics { min, median, max, .. } = statistics;
-        format!("| {name} | {min} | {median} | {max} |\n")
-    });
+    let rows = [(AT_REST[0], "idle"), (AT_REST[1], "recording"), (PLAYING.0, PLAYED.1)]
+        .into_iter()
+        .map(|(statistics, name)| {
+            let TickStatistics { min, median, max, .. } = statistics;
+            format!("| {name} | {min} | {median} | {max} |\n")
+        });
     format!(
         "| tick | fewest | median | most |\n|---|---|---|---|\n{}\nBuilt by rustc {compiler}.\n",
         rows.collect::<String>()

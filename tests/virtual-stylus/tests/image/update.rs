@@ -118,18 +118,17 @@ pub fn version() -> ImageVersion {
 
 impl Device {
     pub fn update_state(&mut self) -> UpdateReport {
-        let state = self.request::<UpdateStateEndpoint>(&());
-        state.expect("there is a bootloader")
+        self.request::<UpdateStateEndpoint>(&()).expect("there is a bootloader")
     }
 
     /// Sends `image`, and commits it.
     pub fn update(&mut self, image: &[u8]) -> UpdateReport {
         let begin = UpdateBegin::new(image, &sign(NAME, image, version(), &DEVELOPMENT_SEED));
-        let begun = self.request::<UpdateBeginEndpoint>(&begin);
-        begun.expect("it is signed, and nothing is played");
+        self.request::<UpdateBeginEndpoint>(&begin)
+            .expect("it is signed, and nothing is played");
         self.send_ahead(image, UPLOAD_WINDOW);
-        let committed = self.request::<UpdateCommitEndpoint>(&());
-        committed.expect("all of it has arrived")
+        self.request::<UpdateCommitEndpoint>(&())
+            .expect("all of it has arrived")
     }
 
     pub fn is_on_trial(&mut self) -> bool {
@@ -141,8 +140,7 @@ impl Device {
     }
 
     pub fn confirm(&mut self) {
-        let confirmed = self.request::<UpdateConfirmEndpoint>(&());
-        let confirmed = confirmed.expect("it is on trial");
+        let confirmed = self.request::<UpdateConfirmEndpoint>(&()).expect("it is on trial");
         assert_eq!(confirmed.phase, UpdatePhase::Confirmed);
     }
 
@@ -163,8 +161,7 @@ impl Device {
         let reset_ns = self.assert_held_since_reset();
         // The image writes mid-scale to the output after the bootloader has done so.
         let is_of_image = |output: &&Output| output.at_ns > reset_ns && output.cause == Cause::Write;
-        let started = self.dac().iter().find(is_of_image);
-        started.expect("the image starts").at_ns - begin
+        self.dac().iter().find(is_of_image).expect("the image starts").at_ns - begin
     }
 }
 

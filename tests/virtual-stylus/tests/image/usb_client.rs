@@ -135,7 +135,7 @@ fn the_client_uploads_plays_records_and_reads_the_status_over_usb() {
         motion: None,
         rate_hz: 100,
         // Far longer than it takes: on a busy computer an answer may take seconds.
-        duration: Some(Duration::from_secs(600)),
+        duration: Some(Duration::from_mins(10)),
     };
     let is_seen = Cell::new(false);
     let see = |driven: &Driven, status: &Status| {

@@ -82,11 +82,15 @@ fn a_suspended_bus_that_resumes_goes_on_where_it_was() {
     device.stop_recording();
     // The frame that was under way is incomplete.
     assert!(device.broken <= 1, "{} frames are broken", device.broken);
-    let missing = device
-        .blocks
-        .windows(2)
-        .map(|pair| pair[1].sequence - pair[0].sequence - 1);
-    assert!(missing.sum::<u32>() > 0, "the host was away");
+    assert!(
+        device
+            .blocks
+            .windows(2)
+            .map(|pair| pair[1].sequence - pair[0].sequence - 1)
+            .sum::<u32>()
+            > 0,
+        "the host was away"
+    );
     assert!(device.status().usb.unsent > 0);
 }
 

@@ -73,14 +73,18 @@ fn a_mishap_anywhere_in_an_enumeration_does_not_keep_the_next_one() {
 
 /// Continues an upload of `library` until it is committed. Returns `None` if the link breaks before.
 pub fn go_on(device: &mut Device, library: &[u8]) -> Option<()> {
-    let begun = device.try_request::<UploadBeginEndpoint>(&announced(library))?;
-    let begun = begun.expect("the library fits a slot").next_offset;
+    let begun = device
+        .try_request::<UploadBeginEndpoint>(&announced(library))?
+        .expect("the library fits a slot")
+        .next_offset;
     for chunk in chunks(library, begun as usize, MAX_CHUNK_BYTES) {
-        let progress = device.try_request::<UploadChunkEndpoint<'_>>(&chunk)?;
-        progress.expect("the chunk that is due");
+        device
+            .try_request::<UploadChunkEndpoint<'_>>(&chunk)?
+            .expect("the chunk that is due");
     }
-    let committed = device.try_request::<UploadCommitEndpoint>(&())?;
-    committed.expect("a valid library");
+    device
+        .try_request::<UploadCommitEndpoint>(&())?
+        .expect("a valid library");
     Some(())
 }
 
@@ -102,9 +106,15 @@ fn a_mishap_anywhere_in_a_stream_does_not_keep_the_next_one() {
         let what = format!("{mishap:?} at point {point}");
         comes_back(&mut device, &what);
         assert_eq!(state_of(&mut device), was, "after {what}");
-        let pairs = device.blocks.windows(2);
-        let steps = pairs.map(|pair| pair[1].sequence - pair[0].sequence);
-        assert!(steps.min() != Some(0), "a block came twice after {what}");
+        assert!(
+            device
+                .blocks
+                .windows(2)
+                .map(|pair| pair[1].sequence - pair[0].sequence)
+                .min()
+                != Some(0),
+            "a block came twice after {what}"
+        );
         assert_eq!(device.broken, 0, "after {what}");
         device.stop_recording();
         device.keep_alive(true);

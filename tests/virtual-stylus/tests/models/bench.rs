@@ -52,14 +52,16 @@ impl EmulatedPart {
     }
 
     pub fn write(&mut self, address: u64, value: u64) {
-        let written = self.part.write(self.now, address, Width::W32, value);
-        written.expect("the register is there");
+        self.part
+            .write(self.now, address, Width::W32, value)
+            .expect("the register is there");
         self.settle();
     }
 
     pub fn read(&mut self, address: u64) -> u64 {
-        let read = self.part.read(self.now, address, Width::W32);
-        read.expect("the register is there")
+        self.part
+            .read(self.now, address, Width::W32)
+            .expect("the register is there")
     }
 
     /// Advances to the next event, or to `until`.

@@ -129,8 +129,7 @@ pub static REQUESTS: LazyLock<Vec<Request>> = LazyLock::new(|| {
         rate_hz: 10_000,
         ..probe
     };
-    let load = ProbeLoad::parts(&samples).next();
-    let load = load.expect("it has samples");
+    let load = ProbeLoad::parts(&samples).next().expect("it has samples");
     let response = response_for(&Settings::default());
     let id = response.id();
     // Its chunks never come, so that no commit restarts the device.

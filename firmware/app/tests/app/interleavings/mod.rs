@@ -56,8 +56,8 @@ fn wander(world: &mut World, chance: &mut Chance) -> Checked {
 
 /// Runs `cases` random schedules of up to `most` requests of each host.
 fn run(cases: u32, most: usize, mistake: Mistake) -> Checked {
-    let beginnings = [(true, false), (false, false), (false, true)];
-    let beginnings = beginnings.map(|(brief, on_trial)| Beginning::new(brief, on_trial));
+    let beginnings =
+        [(true, false), (false, false), (false, true)].map(|(brief, on_trial)| Beginning::new(brief, on_trial));
     for case in 0..u64::from(budget::cases(cases)) {
         let mut chance = Chance::new(budget::seed(), case);
         let lists: [Vec<Request>; 2] = [(); 2].map(|()| {
@@ -92,8 +92,7 @@ fn schedules_of_few_and_of_many_requests_keep_the_rules() {
 #[test]
 fn the_check_finds_a_play_that_comes_while_a_setting_is_stored_and_a_device_that_stays_locked() {
     // The mistake: playing is not prevented meanwhile.
-    let found = run(10_000, 2, Control::end_self_test);
-    let found = found.expect_err("the lock is left out");
+    let found = run(10_000, 2, Control::end_self_test).expect_err("the lock is left out");
     assert!(found.contains("setting"), "{found}");
     assert!(found.contains("play"), "{found}");
     let found = run(10_000, 2, |control| {

@@ -240,16 +240,20 @@ impl World {
     /// still fade.
     fn holder(&self) -> usize {
         let holder = self.control.borrow().status().lease.holder;
-        let number = LINKS.iter().position(|&link| Some(link) == holder);
-        number.unwrap_or(usize::from(self.renewed_at[1] > self.renewed_at[0]))
+        LINKS
+            .iter()
+            .position(|&link| Some(link) == holder)
+            .unwrap_or(usize::from(self.renewed_at[1] > self.renewed_at[0]))
     }
 
     /// The host that plays moves the tool.
     pub fn moves(&mut self) {
         let holder = self.holder();
         self.note_renewed(holder);
-        let moved = self.control.borrow_mut().motion(LINKS[holder], MOTION);
-        moved.expect("it is finite, and this host plays");
+        self.control
+            .borrow_mut()
+            .motion(LINKS[holder], MOTION)
+            .expect("it is finite, and this host plays");
     }
 
     fn count(&mut self, answer: &[u8]) {
@@ -361,8 +365,11 @@ impl World {
     /// After the end of all requests: the device stops, and plays again.
     pub fn plays_again(&mut self) -> Checked {
         let named = |name| {
-            let found = REQUESTS.iter().find(|request| request.name == name);
-            found.expect("it is in the list").clone()
+            REQUESTS
+                .iter()
+                .find(|request| request.name == name)
+                .expect("it is in the list")
+                .clone()
         };
         self.do_alone(named("stop"))?;
         for _ in 0..110 {

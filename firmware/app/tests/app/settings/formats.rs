@@ -53,8 +53,9 @@ fn with(known: &Known, setting: Setting, value: f32) -> Known {
 /// Settings of a coil, all of them in range.
 fn coil() -> Known {
     let nothing = (Settings::default(), SettingSet::NONE, SettingSet::NONE, None);
-    let coil = fake_stylus::device::COIL.into_iter();
-    coil.fold(nothing, |known, change| with(&known, change.setting, change.value))
+    fake_stylus::device::COIL
+        .into_iter()
+        .fold(nothing, |known, change| with(&known, change.setting, change.value))
 }
 
 #[test]

@@ -87,8 +87,10 @@ const LAST_CHANGES: usize = 6;
 /// Flashes with the coil's settings, shortly before the change that erases a copy, with and without lost places in a
 /// copy.
 static NEARLY_FULL: LazyLock<Vec<Memory>> = LazyLock::new(|| {
-    let lost_places = [[0, 0], [1, 0], [0, 1], [3, 0], [0, 3]];
-    lost_places.into_iter().flat_map(nearly_full).collect()
+    [[0, 0], [1, 0], [0, 1], [3, 0], [0, 3]]
+        .into_iter()
+        .flat_map(nearly_full)
+        .collect()
 });
 
 /// The flashes of [`NEARLY_FULL`] whose copies have lost so many places (`lost_places`) by refused writes.
@@ -214,8 +216,7 @@ fn a_limit_that_both_copies_lost_is_lost_until_it_is_set_again_and_sensors_are_c
         assert!(state.lost.contains(Setting::HardLimit) && !state.lost.contains(Setting::ForceZero));
         assert!(state.check_playable().is_err());
     }
-    let lost = opened(&mut memory).1.lost;
-    for setting in lost.iter() {
+    for setting in opened(&mut memory).1.lost.iter() {
         assert!(opened(&mut memory).1.check_playable().is_err());
         memory = set(memory, &[change(setting, setting.spec().default)]);
     }
@@ -235,8 +236,7 @@ fn copies_that_differ_give_the_tighter_limit_and_say_so() {
             // Power is lost between the writes of the first copy and the second.
             let kinds = |number| 0..usize::from(number == RECORD_WORDS);
             let mut memory = cuts(&memory, kinds, async |store| {
-                let set = store.set(change(setting, after)).await;
-                set.expect("in range");
+                store.set(change(setting, after)).await.expect("in range");
             })
             .swap_remove(0);
             let (settings, state) = opened(&mut memory);

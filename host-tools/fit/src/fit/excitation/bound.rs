@@ -62,8 +62,12 @@ impl Reach {
 
     /// Returns the largest reduction from the first reach, dB, as a negative number; `None` if nothing was reduced.
     pub fn lowered_db(&self) -> Option<f64> {
-        let pairs = self.0.into_iter().zip(Self::FIRST.0);
-        let least = pairs.map(|(own, first)| own / first).fold(1.0, f64::min);
+        let least = self
+            .0
+            .into_iter()
+            .zip(Self::FIRST.0)
+            .map(|(own, first)| own / first)
+            .fold(1.0, f64::min);
         (least < 1.0).then(|| 20.0 * least.log10())
     }
 }
@@ -85,8 +89,10 @@ fn nodes<'t>(traces: impl IntoIterator<Item = &'t Trace>) -> Vec<(Loudest, &'t T
 /// nodes but the calmest eighth reach, and at least those of steady noise.
 pub(super) fn most<'t>(traces: impl IntoIterator<Item = &'t Trace>, reach: f64) -> Loudest {
     let of_nodes: Vec<Loudest> = nodes(traces).into_iter().map(|(loudest, _)| loudest).collect();
-    let least = Loudest::of_least(&of_nodes).unwrap_or_default();
-    least.times(reach).with(STEADY, f64::max)
+    Loudest::of_least(&of_nodes)
+        .unwrap_or_default()
+        .times(reach)
+        .with(STEADY, f64::max)
 }
 
 /// Returns the residual of `trace`, limited so that nothing is louder than `most` behind the filter of the trace's
@@ -183,12 +189,15 @@ pub(super) fn excess(traces: &[Trace], forces: usize, parts: &PartsSpec) -> BTre
         let ringing = |(_, trace): &&(Loudest, &Trace)| error_share(&trace.reflection);
         let nodes = &source.nodes;
         let longest = nodes.iter().min_by(|a, b| ringing(a).total_cmp(&ringing(b)));
-        let heard = nodes.iter().take(CALMEST).chain(longest);
-        let most = heard.map(|node| source.over(node).0).fold(0.0, f64::max);
+        let most = nodes
+            .iter()
+            .take(CALMEST)
+            .chain(longest)
+            .map(|node| source.over(node).0)
+            .fold(0.0, f64::max);
         (number, most / AIM)
     };
-    let sources = sources(traces, forces, parts);
-    sources.into_par_iter().map(of_source).collect()
+    sources(traces, forces, parts).into_par_iter().map(of_source).collect()
 }
 
 /// What is too loud at a node, as ratios of amplitudes.
@@ -207,17 +216,18 @@ pub struct Excess {
 pub(super) fn remaining_excess(traces: &[Trace], forces: usize, parts: &PartsSpec) -> Vec<Excess> {
     let sources = sources(traces, forces, parts);
     let of_source = |source: &SourceNodes<'_>| {
-        let nodes = source.nodes.par_iter();
-        let ratios = nodes.map(|node| {
-            let (loudness, rms) = source.over(node);
-            let level = if rms > HIGHER { rms } else { 1.0 };
-            Excess {
-                at: node.1.at,
-                level,
-                moments: (loudness / level / BOUND).max(1.0),
-            }
-        });
-        ratios
+        source
+            .nodes
+            .par_iter()
+            .map(|node| {
+                let (loudness, rms) = source.over(node);
+                let level = if rms > HIGHER { rms } else { 1.0 };
+                Excess {
+                    at: node.1.at,
+                    level,
+                    moments: (loudness / level / BOUND).max(1.0),
+                }
+            })
             .filter(|node| node.level * node.moments > 1.0)
             .collect::<Vec<_>>()
     };

@@ -108,8 +108,9 @@ fn coded_block(
     // A silent block gives -∞, which the cast and the clamp turn into the lowest level.
     let own = (40.0 * (peak_of(samples) / peak).log10()).round() as i32;
     let tried = TRIED.map(|step| own.saturating_add(step).clamp(i8::MIN.into(), 0) as i8);
-    let scales = tried.map(|level| Scale::of(level, peak));
-    let best = scales.min_by(|a, b| a.error(samples).total_cmp(&b.error(samples)));
+    let best = tried
+        .map(|level| Scale::of(level, peak))
+        .min_by(|a, b| a.error(samples).total_cmp(&b.error(samples)));
     let scale = best.expect("some levels are tried");
     let most = scale.magnitudes[scale.magnitudes.len() - 1];
     let mut bytes = [0; BLOCK_BYTES];
@@ -152,9 +153,12 @@ fn with_unit_power(blocks: Vec<u8>, samples: &[f64], decoded: &[f64], cut: usize
 /// Returns the power of `samples` in the band that a hand feels, without scaling.
 fn felt_power(samples: &[f64]) -> f64 {
     let bin_hz = f64::from(SAMPLE_RATE_HZ) / samples.len() as f64;
-    let bins = fourier::forward(&mut samples.to_vec()).into_iter().enumerate();
-    let felt = bins.filter(|(bin, _)| (FELT_HZ[0]..FELT_HZ[1]).contains(&(*bin as f64 * bin_hz)));
-    felt.map(|(_, value)| value.norm_sqr()).sum()
+    fourier::forward(&mut samples.to_vec())
+        .into_iter()
+        .enumerate()
+        .filter(|(bin, _)| (FELT_HZ[0]..FELT_HZ[1]).contains(&(*bin as f64 * bin_hz)))
+        .map(|(_, value)| value.norm_sqr())
+        .sum()
 }
 
 /// Returns `material` whitened, clipped at `highest` standard deviations, with a mean square of 1; and the number of
@@ -221,8 +225,10 @@ fn whitened(samples: &[f64], played: &[f64]) -> Option<Vec<f64>> {
         return None;
     }
     let back = |mut spectrum: Vec<Complex<f64>>| -> Vec<f64> {
-        let signal = fourier::inverse(&mut spectrum, count);
-        signal.iter().map(|x| x / count as f64).collect()
+        fourier::inverse(&mut spectrum, count)
+            .iter()
+            .map(|x| x / count as f64)
+            .collect()
     };
     let spectrum = fourier::forward(&mut samples.to_vec());
     let power = fourier::forward(&mut played.to_vec());
@@ -251,7 +257,7 @@ fn whitened(samples: &[f64], played: &[f64]) -> Option<Vec<f64>> {
 mod tests {
     use super::*;
     use rand::{RngExt, SeedableRng};
-    use test_helpers::noise;
+    use test_helpers::{near, noise};
 
     fn decoded(spec: &CodebookSpec) -> Vec<f64> {
         let blocks = spec.blocks.as_chunks::<BLOCK_BYTES>().0;
@@ -279,14 +285,15 @@ mod tests {
         assert_eq!(coded.spec.blocks.len(), 10_000 / 64 * 25);
         assert!(coded.cut == 0, "{}", coded.cut);
         let samples = decoded(&coded.spec);
-        assert!((mean_square(&samples) - 1.0).abs() < 1e-3);
+        near(mean_square(&samples), 1.0, 1e-3);
         let level = |from: usize| {
-            let bursts = samples.chunks_exact(1000);
-            let bursts = bursts.map(|period| mean_square(&period[from..from + 150]));
+            let bursts = samples
+                .chunks_exact(1000)
+                .map(|period| mean_square(&period[from..from + 150]));
             10.0 * (bursts.sum::<f64>() / 9.0).log10()
         };
         let step_db = level(25) - level(500);
-        assert!((step_db - 20.0).abs() < 1.0, "{step_db}");
+        near(step_db, 20.0, 1.0);
     }
 
     /// The noise of the codes, as what is decoded has it; 14.9 dB without its shape.
@@ -311,8 +318,7 @@ mod tests {
         let (pieces, mut played) = (20_000, 0);
         for _ in 0..pieces {
             let (start, length) = (random.random_range(0..count), random.random_range(PIECE_SAMPLES));
-            let piece = (start..start + length).map(|n| samples[n % count]);
-            let piece: Vec<f64> = piece.collect();
+            let piece: Vec<f64> = (start..start + length).map(|n| samples[n % count]).collect();
             for (lag, sum) in lags.iter_mut().enumerate().take(length) {
                 *sum += piece[lag..].iter().zip(&piece).map(|(a, b)| a * b).sum::<f64>();
             }
@@ -320,9 +326,12 @@ mod tests {
         }
         move |hz| {
             let angle = std::f64::consts::TAU * hz / 5000.0;
-            let cosines = lags.iter().enumerate().skip(1);
-            let sum = cosines.map(|(lag, r)| 2.0 * r * (angle * lag as f64).cos());
-            let sum: f64 = sum.sum();
+            let sum: f64 = lags
+                .iter()
+                .enumerate()
+                .skip(1)
+                .map(|(lag, r)| 2.0 * r * (angle * lag as f64).cos())
+                .sum();
             (lags[0] + sum) / f64::from(played as u32)
         }
     }
@@ -342,7 +351,7 @@ mod tests {
                 .collect();
             let coded = coded(&material).unwrap();
             let samples = decoded(&coded.spec);
-            assert!((mean_square(&samples) - 1.0).abs() < 1e-3);
+            near(mean_square(&samples), 1.0, 1e-3);
             assert_eq!(coded.cut, 0);
             let density = played(&samples, seed);
             for band in 0..19 {
@@ -365,8 +374,7 @@ mod tests {
             *x += 30.0 * (std::f64::consts::TAU * 440.0 / 5000.0 * n as f64).sin();
         }
         let density = played(&decoded(&coded(&material).unwrap().spec), 5);
-        let loudest = (0..2500).map(|hz| density(f64::from(hz)));
-        let loudest = loudest.fold(0.0, f64::max);
+        let loudest = (0..2500).map(|hz| density(f64::from(hz))).fold(0.0, f64::max);
         println!("{loudest:.2} of white noise");
         assert!(loudest < 2.0, "{loudest}");
     }
@@ -380,7 +388,7 @@ mod tests {
         for highest in [5.0, 12.0, 36.0] {
             let coded = coded_up_to(&material, highest).unwrap();
             let power = mean_square(&decoded(&coded.spec));
-            assert!((power - 1.0).abs() < 1e-3);
+            near(power, 1.0, 1e-3);
             assert!(f64::from(coded.spec.peak) <= 1.15 * highest);
             assert_eq!(coded.cut > 0, highest < 20.0, "{highest}: {}", coded.cut);
         }
@@ -394,12 +402,11 @@ mod tests {
         let mut impulse = vec![0.0; 5000];
         impulse[700] = 1e-3;
         if let Some(coded) = coded(&impulse) {
-            assert!((mean_square(&decoded(&coded.spec)) - 1.0).abs() < 1e-3);
+            near(mean_square(&decoded(&coded.spec)), 1.0, 1e-3);
             assert!(coded.spec.peak <= 40.0);
         }
-        let alternating = (0..5000).map(|n| if n % 2 == 0 { 3.0 } else { -3.0 });
-        let alternating: Vec<f64> = alternating.collect();
+        let alternating: Vec<f64> = (0..5000).map(|n| if n % 2 == 0 { 3.0 } else { -3.0 }).collect();
         let coded = coded(&alternating).unwrap();
-        assert!((mean_square(&decoded(&coded.spec)) - 1.0).abs() < 1e-3);
+        near(mean_square(&decoded(&coded.spec)), 1.0, 1e-3);
     }
 }

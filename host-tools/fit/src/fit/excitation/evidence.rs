@@ -27,12 +27,15 @@ const SIGNIFICANT: f64 = 3.5;
 /// Over a hundred trials far less is significant, and no hand feels it.
 const FELT: f64 = 2.0;
 
-/// Bands in which levels are measured, and the band of the kurtosis, Hz.
-const BANDS_HZ: [[f64; 2]; 3] = [[20.0, 60.0], [60.0, 500.0], [20.0, 1000.0]];
+/// Bands in which levels are measured, and the band of the kurtosis, Hz. Each has the number of samples by which its
+/// output is computed in a window.
+const BANDS: [([f64; 2], usize); 3] = [([20.0, 60.0], 10), ([60.0, 500.0], 50), ([20.0, HIGHEST_HZ], 100)];
 
-/// Samples of a window of 50 ms, and those of its output, of which only the part below 1 kHz is computed.
+/// Highest frequency of the bands, Hz.
+const HIGHEST_HZ: f64 = 1000.0;
+
+/// Samples of a window of 50 ms.
 const WINDOW: usize = 250;
-const FELT_WINDOW: usize = 100;
 
 /// Number of stretches of noise.
 const STRETCHES: usize = 25;
@@ -70,24 +73,26 @@ impl Evidence {
             return Self::default();
         }
         let samples = all * WINDOW;
-        let mut whitening = vec![0.0; samples];
+        // The outputs of all bands have quick lengths too.
+        let length = 25 * fourier::quick_length(samples / 25);
+        let mut whitening = vec![0.0; length];
         whitening[0] = 1.0;
         let predictor = step_up(reflection);
         whitening[1..=predictor.len()].copy_from_slice(&predictor);
-        let felt = all * FELT_WINDOW / 2;
-        let whitening = &fourier::forward(&mut whitening)[..=felt];
+        let bins = fourier::forward(&mut whitening);
+        let filter: Vec<_> = bins[..=length / 5].iter().map(Complex::inv).collect();
         let of = |excitation: &mut dyn Iterator<Item = Complex<f64>>| {
-            let output: Vec<_> = excitation
-                .zip(whitening)
-                .map(|(bin, whitening)| bin / whitening)
-                .collect();
+            let output: Vec<_> = excitation.zip(&filter).map(|(bin, filter)| bin * filter).collect();
             statistics(&output, &windows)
         };
-        let own = of(&mut fourier::forward(&mut residual[..samples].to_vec()).into_iter());
+        let mut circle: Vec<f64> = residual.iter().copied().cycle().take(length).collect();
+        let own = of(&mut fourier::forward(&mut circle).into_iter());
         // Each trial has noise of its own: errors of the same noise would add up over trials. Last digits do not count,
         // because they depend on the system, and a trial has the same noise on all of them.
-        let some = residual[..samples].iter().step_by(samples / 8);
-        let digits = some.map(|x| (*x as f32).to_bits() >> 8);
+        let digits = residual[..samples]
+            .iter()
+            .step_by(samples / 8)
+            .map(|x| (*x as f32).to_bits() >> 8);
         let hash = digits.fold(Fnv::default(), |hash, digits| hash.then(&digits.to_le_bytes()));
         let mut generator = Pcg64::seed_from_u64(hash.value());
         let mut normal = || -> f64 { StandardNormal.sample(&mut generator) };
@@ -146,23 +151,20 @@ impl std::fmt::Display for Evidence {
 /// Returns the logarithms of the spreads of levels, and of the kurtosis, of the `windows` of the output with these bins
 /// below 1 kHz.
 fn statistics(output: &[Complex<f64>], windows: &[usize]) -> [f64; 3] {
-    let samples = 2 * (output.len() - 1);
-    let [slow, fast, felt] = BANDS_HZ.map(|[low_hz, high_hz]| {
-        let mut bins = output.to_vec();
-        for (number, bin) in bins.iter_mut().enumerate() {
-            let hz = BANDS_HZ[2][1] * number as f64 / (output.len() - 1) as f64;
-            if !(low_hz..high_hz).contains(&hz) {
-                *bin = Complex::default();
-            }
-        }
-        fourier::inverse(&mut bins, samples)
+    let last = output.len() - 1;
+    let [slow, fast, felt] = BANDS.map(|(band_hz, in_window)| {
+        let length = last * in_window / 50;
+        let [low, high] = band_hz.map(|hz| (hz * last as f64 / HIGHEST_HZ).ceil() as usize);
+        let mut bins = output[..=length / 2].to_vec();
+        bins[..low].fill(Complex::default());
+        bins[high..].fill(Complex::default());
+        (fourier::inverse(&mut bins, length), in_window)
     });
-    let of_window = |n: usize| n * FELT_WINDOW..(n + 1) * FELT_WINDOW;
-    let power = |signal: &[f64], n: usize| mean_square(&signal[of_window(n)]);
+    let power = |(signal, length): &(Vec<f64>, usize), n: usize| mean_square(&signal[n * length..][..*length]);
     let louder = |a: &&usize, b: &&usize| power(&felt, **a).total_cmp(&power(&felt, **b));
     let loudest = windows.iter().max_by(louder).copied().unwrap_or(0);
     let counted: Vec<usize> = windows.iter().copied().filter(|n| n.abs_diff(loudest) > 1).collect();
-    let spread = |signal: &[f64]| {
+    let spread = |signal| {
         let powers: Vec<f64> = counted.iter().map(|&n| power(signal, n)).collect();
         let count = powers.len() as f64;
         let least = LEAST_POWER * powers.iter().sum::<f64>() / count;
@@ -174,8 +176,8 @@ fn statistics(output: &[Complex<f64>], windows: &[usize]) -> [f64; 3] {
         let variance = levels.iter().map(|level| (level - mean).powi(2)).sum::<f64>() / (count - 1.0);
         variance.max(f64::MIN_POSITIVE).ln() / 2.0
     };
-    let samples = || counted.iter().flat_map(|&n| &felt[of_window(n)]);
-    let moment = |power: i32| samples().map(|x| x.powi(power)).sum::<f64>() / samples().count() as f64;
-    let kurtosis = moment(4) / moment(2).powi(2).max(f64::MIN_POSITIVE);
+    let samples = || counted.iter().flat_map(|&n| &felt.0[n * felt.1..][..felt.1]);
+    let mean = |power: i32| samples().map(|x| x.powi(power)).sum::<f64>() / (counted.len() * felt.1) as f64;
+    let kurtosis = mean(4) / mean(2).powi(2).max(f64::MIN_POSITIVE);
     [spread(&slow), spread(&fast), kurtosis.max(f64::MIN_POSITIVE).ln()]
 }

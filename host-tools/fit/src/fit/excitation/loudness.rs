@@ -37,8 +37,12 @@ impl Loudest {
     /// Returns the loudest windows of `samples`, leaving out the milliseconds with `flaws`. All are 0 in silence.
     pub fn of(samples: &[f64], flaws: &[Range<usize>]) -> Self {
         let clean = clean_milliseconds(samples.len(), flaws);
-        let all = powers(samples).into_iter().zip(clean);
-        let powers: Vec<f64> = all.filter(|(_, clean)| *clean).map(|(power, _)| power).collect();
+        let powers: Vec<f64> = powers(samples)
+            .into_iter()
+            .zip(clean)
+            .filter(|(_, clean)| *clean)
+            .map(|(power, _)| power)
+            .collect();
         Self::of_powers(&powers, mean(&powers))
     }
 
@@ -51,11 +55,13 @@ impl Loudest {
             let first: f64 = powers.iter().take(window).sum();
             let pairs = powers.iter().skip(window).zip(powers);
             // A running sum, whose work does not depend on the window's length.
-            let sums = pairs.scan(first, |sum, (next, last)| {
-                *sum += next - last;
-                Some(*sum)
-            });
-            let loudest = sums.fold(first, f64::max) / window as f64;
+            let loudest = pairs
+                .scan(first, |sum, (next, last)| {
+                    *sum += next - last;
+                    Some(*sum)
+                })
+                .fold(first, f64::max)
+                / window as f64;
             if power > 0.0 { (loudest / power).sqrt() } else { 0.0 }
         }))
     }
@@ -101,9 +107,11 @@ impl Loudest {
 
     /// Returns the largest ratio of a window to that of `other`.
     pub fn over(self, other: Self) -> f64 {
-        let ratios = self.0.into_iter().zip(other.0);
-        let ratios = ratios.map(|(own, other)| own / other.max(f64::MIN_POSITIVE));
-        ratios.fold(0.0, f64::max)
+        self.0
+            .into_iter()
+            .zip(other.0)
+            .map(|(own, other)| own / other.max(f64::MIN_POSITIVE))
+            .fold(0.0, f64::max)
     }
 }
 
@@ -157,8 +165,11 @@ impl Ringing {
         let clean = clean_milliseconds(residual.len(), flaws);
         let count = clean.iter().filter(|clean| **clean).count().max(1);
         let heard = |residual: &[f64]| {
-            let all = powers(residual).into_iter().zip(&clean);
-            let powers: Vec<f64> = all.map(|(power, clean)| if *clean { power } else { 0.0 }).collect();
+            let powers: Vec<f64> = powers(residual)
+                .into_iter()
+                .zip(&clean)
+                .map(|(power, clean)| if *clean { power } else { 0.0 })
+                .collect();
             let mean = powers.iter().sum::<f64>() / count as f64;
             self.loudest(&powers, mean).over(most)
         };
@@ -271,7 +282,7 @@ mod tests {
         let (found, rms) = Loudest::behind(&excitation, &REFLECTION);
         near(rms, 1.0, 0.05);
         for (found, expected) in found.0.into_iter().zip(expected.0) {
-            assert!((found / expected - 1.0).abs() < 0.05, "{found} {expected}");
+            near(found / expected, 1.0, 0.05);
         }
     }
 
@@ -280,7 +291,7 @@ mod tests {
         let ringing = Ringing::of(&REFLECTION);
         let heard: f64 = ringing.shares.iter().sum();
         assert!(ringing.later < 1e-6, "{heard}");
-        assert!((heard - 1.0).abs() < 1e-6, "{heard}");
+        near(heard, 1.0, 1e-6);
         assert!(ringing.shares[RINGING_MS - 1] < 0.9, "it rings");
         assert_eq!(Ringing::of(&[]).shares[RINGING_MS - 1], 1.0);
     }

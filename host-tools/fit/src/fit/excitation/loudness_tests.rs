@@ -22,8 +22,11 @@ fn loudest(samples: &[f64]) -> [f64; 3] {
         sums.push(sums[sums.len() - 1] + x * x);
     }
     [5, 25, 250].map(|window| {
-        let ends = sums[window..].iter().zip(&sums);
-        let loudest = ends.map(|(end, start)| end - start).fold(0.0, f64::max);
+        let loudest = sums[window..]
+            .iter()
+            .zip(&sums)
+            .map(|(end, start)| end - start)
+            .fold(0.0, f64::max);
         (loudest / window as f64).sqrt()
     })
 }
@@ -34,8 +37,7 @@ pub(super) fn synthesis(library: &[u8], speed_mm_s: f64, force_n: f64, seconds: 
     let texture = library.textures().next().unwrap();
     let speed = MillimetresPerSecond(speed_mm_s as f32);
     let motion = MotionPath::constant(speed, Newton(force_n as f32)).unwrap();
-    let rendered = render(texture, &motion, seconds, seed).unwrap();
-    rendered.accelerations_m_s2()
+    render(texture, &motion, seconds, seed).unwrap().accelerations_m_s2()
 }
 
 /// Returns the loudest windows of a texture's syntheses: the median over three seeds for each length.
@@ -65,8 +67,7 @@ fn with_stop_band(seed: u64, samples: usize) -> Vec<f64> {
         signal = means.collect();
     }
     let floor = noise(seed + 1, samples).into_iter();
-    let sums = floor.zip(&signal).map(|(floor, x)| x + 1e-3 * floor);
-    sums.collect()
+    floor.zip(&signal).map(|(floor, x)| x + 1e-3 * floor).collect()
 }
 
 /// An event that is not caused by a surface.
@@ -112,13 +113,15 @@ fn add(event: Event, signal: &mut [f64], at: usize, seed: u64) {
 #[test]
 fn two_minutes_of_snippets_are_at_most_half_louder_than_their_recording() {
     const SAMPLES: usize = 20_000;
-    let signals = [
+    for (number, signal) in [
         with_stop_band(1, SAMPLES),
         filtered(&impulsive(2, SAMPLES), 120.0),
         filtered(&swelling(3, SAMPLES, 6.0), 90.0),
         bursting(4, SAMPLES),
-    ];
-    for (number, signal) in signals.iter().enumerate() {
+    ]
+    .iter()
+    .enumerate()
+    {
         for event in [Event::Click, Event::Slip] {
             let mut signal = signal.clone();
             add(event, &mut signal, 9000, 7);
@@ -147,8 +150,7 @@ fn an_event_whose_residual_is_far_louder_than_its_signal_is_limited_and_said() {
     assert!(!said(&signal, "clean").contains(words));
     let mut random = rand_pcg::Pcg64::seed_from_u64(3);
     signal[9000..9040].fill_with(|| random.random_range(-3.0..3.0));
-    let notes = said(&signal, "slip");
-    holds(&notes, &[words, "slip.wav"]);
+    holds(&said(&signal, "slip"), &[words, "slip.wav"]);
 }
 
 /// Speeds and forces of the sets below.
@@ -168,8 +170,7 @@ fn trials(surface: usize, seed: u64) -> Vec<[Vec<f64>; 3]> {
                 _ => filtered(&swelling(seed, SAMPLES, 6.0), hz),
             };
             let axis = |seed, share: f64| -> Vec<f64> {
-                let own = filtered(&noise(seed, SAMPLES), hz);
-                own.iter().map(|x| share * x).collect()
+                filtered(&noise(seed, SAMPLES), hz).iter().map(|x| share * x).collect()
             };
             [main, axis(seed + 3, 0.3), axis(seed + 4, 0.2)]
         })

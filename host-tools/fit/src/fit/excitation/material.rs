@@ -44,8 +44,7 @@ pub(super) struct Material {
 /// The stretches are taken at equal ranks of their power, so that calm and lively ones are as frequent as in the
 /// recordings.
 pub(super) fn choose(traces: &[&Trace], most: usize, loudest: Loudest) -> Option<Material> {
-    let prepared = traces.par_iter().map(|trace| limited(trace, loudest));
-    let prepared: Vec<Cow<'_, [f64]>> = prepared.collect();
+    let prepared: Vec<Cow<'_, [f64]>> = traces.par_iter().map(|trace| limited(trace, loudest)).collect();
     let of_length = |samples: usize| -> Vec<Stretch> {
         let own = traces.iter().enumerate();
         own.flat_map(|(trace, own)| {

@@ -30,16 +30,20 @@ fn third_octave(samples: &[f64], band: i32) -> Vec<f64> {
         let place = 10.0 * (bin as f64 * bin_hz).log10() - f64::from(band);
         *value *= (-2.0 * place * place).exp();
     }
-    let signal = fourier::inverse(&mut spectrum, count);
-    signal.iter().map(|x| x / count as f64).collect()
+    fourier::inverse(&mut spectrum, count)
+        .iter()
+        .map(|x| x / count as f64)
+        .collect()
 }
 
 /// Returns the levels of each third octave in windows of 20 ms, dB, ascending.
 fn levels_db(samples: &[f64]) -> Vec<Vec<f64>> {
     let of_band = |band| {
         let own = third_octave(samples, band);
-        let windows = own.chunks_exact(WINDOW);
-        let mut levels: Vec<f64> = windows.map(|w| 10.0 * mean_square(w).log10()).collect();
+        let mut levels: Vec<f64> = own
+            .chunks_exact(WINDOW)
+            .map(|w| 10.0 * mean_square(w).log10())
+            .collect();
         levels.sort_by(f64::total_cmp);
         levels
     };

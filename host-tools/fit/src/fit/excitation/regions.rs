@@ -16,8 +16,10 @@ pub(super) fn by_speed(speeds_mm_s: &[f32], most: usize) -> Vec<Range<usize>> {
     // If all speeds are equal, the ratio of octaves is not a number, which is converted to zero.
     let part = |speed| (count as f32 * octaves(speed) / widest) as usize;
     let before = |number| speeds_mm_s.partition_point(|&speed| part(speed).min(count - 1) < number);
-    let ranges = (0..count).map(|number| before(number)..before(number + 1));
-    ranges.filter(|range| !range.is_empty()).collect()
+    (0..count)
+        .map(|number| before(number)..before(number + 1))
+        .filter(|range| !range.is_empty())
+        .collect()
 }
 
 #[cfg(test)]

@@ -249,8 +249,7 @@ fn octaves_of_speed_have_codebooks_of_their_own_and_calm_ones_none_and_all_have_
     let numbers: Vec<u8> = excitation.of_nodes.iter().copied().step_by(6).collect();
     assert_eq!(numbers, [0, 1, 1, 2, 2, 2, 3, 3, 3, 3, 3, 3], "{report:?}");
     assert_eq!(report.codebooks[0].speeds_mm_s, [20.0, 30.0]);
-    let codebooks = excitation.codebooks.iter().map(|c| c.blocks.len() + 7);
-    let bytes = codebooks.sum::<usize>() + 1 + 72;
+    let bytes = excitation.codebooks.iter().map(|c| c.blocks.len() + 7).sum::<usize>() + 1 + 72;
     assert!(bytes <= limits::MAX_EXCITATION_BYTES, "{bytes}");
 }
 
@@ -400,8 +399,7 @@ fn clipped_peaks_are_not_taken_and_of_repeated_values_each_once() {
     let trial = written(folder.path(), "clipped", std::slice::from_ref(&clipped), 100.0, 1.0);
     let signal = crate::fit::signal(&trial, options.conditioning).unwrap();
     let at_limit: Vec<usize> = (0..15_000).filter(|&n| clipped[n].abs() >= limit).collect();
-    let in_runs = at_limit.windows(3).filter(|run| run[2] - run[0] == 2);
-    let in_runs = in_runs.map(|run| run[1]);
+    let in_runs = at_limit.windows(3).filter(|run| run[2] - run[0] == 2).map(|run| run[1]);
     let mut runs = 0;
     for n in in_runs {
         runs += 1;
@@ -424,9 +422,11 @@ fn parts_cost_nothing_where_they_are_not_needed_and_go_with_the_texture_where_th
     let calm = filtered(&noise(10, 12_000), 90.0);
     let of = |options| fitted("calm", &calm, options).1;
     assert_eq!(of(&plain), of(&automatic));
-    let lively = impulsive(11, 24_000).into_iter();
-    let lively = lively.zip(swelling(12, 24_000, 8.0)).map(|(a, b)| a * b);
-    let lively: Vec<f64> = lively.collect();
+    let lively: Vec<f64> = impulsive(11, 24_000)
+        .into_iter()
+        .zip(swelling(12, 24_000, 8.0))
+        .map(|(a, b)| a * b)
+        .collect();
     let (fit, bytes) = fitted("lively", &filtered(&lively, 90.0), &automatic);
     assert!(fit.textures[0].grid.parts.excitation.is_some(), "{:?}", account(&fit));
     let library = Library::decode(&bytes).unwrap();

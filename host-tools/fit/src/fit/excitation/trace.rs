@@ -141,8 +141,11 @@ impl Trace {
         let (mut residual, mut flaws) = (Vec::new(), Vec::new());
         // Of each block, the part of the residual that depends only on samples of the block.
         let inside = |block: Range<usize>| block.start..block.end.saturating_sub(self.order).min(self.residual.len());
-        let blocks = Blocks::of(self.samples).fitted().map(inside);
-        for block in blocks.filter(|block| !block.is_empty()) {
+        for block in Blocks::of(self.samples)
+            .fitted()
+            .map(inside)
+            .filter(|block| !block.is_empty())
+        {
             // A flaw that reaches beyond the block ends with it.
             let moved = |at: usize| residual.len() + at.clamp(block.start, block.end) - block.start;
             let own = self.flaws.iter().map(|flaw| moved(flaw.start)..moved(flaw.end));
@@ -166,8 +169,12 @@ fn residual(signal: &[f64], predictor: &[f64]) -> Vec<f64> {
     let predicted_from = signal.get(..signal.len().max(1) - 1).unwrap_or_default();
     let newest_last: Vec<f64> = predictor.iter().rev().copied().collect();
     let predicted = sliding(predicted_from, &newest_last);
-    let present = signal.iter().skip(predictor.len());
-    present.zip(predicted).map(|(now, sum)| now + sum).collect()
+    signal
+        .iter()
+        .skip(predictor.len())
+        .zip(predicted)
+        .map(|(now, sum)| now + sum)
+        .collect()
 }
 
 /// Returns the moment outside `flaws` at which `gains` limit the residual most; `order` is that of its predictor.
@@ -201,8 +208,12 @@ mod tests {
         let excitation: Vec<f64> = (0..200u32).map(|n| f64::from(n * n % 31) - 15.0).collect();
         let mut signal: Vec<f64> = Vec::new();
         for (n, e) in excitation.iter().enumerate() {
-            let past = a.iter().enumerate().filter(|(i, _)| *i < n);
-            let predicted: f64 = past.map(|(i, a)| -a * signal[n - 1 - i]).sum();
+            let predicted: f64 = a
+                .iter()
+                .enumerate()
+                .filter(|(i, _)| *i < n)
+                .map(|(i, a)| -a * signal[n - 1 - i])
+                .sum();
             signal.push(e + predicted);
         }
         let found = residual(&signal, &a);

@@ -12,8 +12,9 @@
 use model_format::limits;
 use rayon::prelude::*;
 
-use super::between::{self, density};
+use super::between::{self, density, stage};
 use super::toolkit::Toolkit;
+use crate::dsp::fourier::Complex;
 use crate::dsp::linear_prediction::error_share;
 use crate::dsp::model::Model;
 use crate::dsp::spectrum::band_edges_hz;
@@ -159,8 +160,7 @@ struct Probe {
     frequency_hz: f64,
     width_hz: f64,
     band: Option<usize>,
-    cos: f64,
-    sin: f64,
+    turn: Complex<f64>,
 }
 
 /// A position at which the cost is computed.
@@ -430,8 +430,7 @@ fn probes(toolkit: &Toolkit) -> Vec<Probe> {
             frequency_hz,
             width_hz: high - low,
             band,
-            cos: omega.cos(),
-            sin: omega.sin(),
+            turn: Complex::cis(-omega),
         }
     };
     let split = |low: f64, high: f64, band: Option<usize>| {
@@ -493,13 +492,8 @@ fn levels_db(probes: &[Probe], mut density: impl FnMut(&Probe) -> f64) -> [f64; 
 impl Probe {
     /// Returns |A|² of the model with these reflection coefficients, by the recursion over its order.
     fn inverse_gain(&self, reflection: &[f64]) -> f64 {
-        // A of the order m so far, and the backward polynomial, which is e^(-jωm) times the conjugate of A.
-        let (mut a, mut b) = ((1.0, 0.0), (1.0, 0.0));
-        for &k in reflection {
-            let delayed = (b.0 * self.cos + b.1 * self.sin, b.1 * self.cos - b.0 * self.sin);
-            b = (delayed.0 + k * a.0, delayed.1 + k * a.1);
-            a = (a.0 + k * delayed.0, a.1 + k * delayed.1);
-        }
-        a.0 * a.0 + a.1 * a.1
+        let begin = (Complex::from(1.0), Complex::from(1.0));
+        let (a, _) = reflection.iter().fold(begin, |last, &k| stage(last, self.turn, k));
+        a.norm_sqr()
     }
 }

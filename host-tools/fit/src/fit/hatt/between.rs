@@ -1,12 +1,17 @@
 //! Spectra between the models of a file, interpolated in the way of the file's authors.
 
+use std::f64::consts::PI;
+
 use model_format::NodeFlags;
 
 use super::toolkit::{ArmaModel, Timbre, Toolkit};
+use crate::dsp::fourier::Complex;
 use crate::dsp::line_spectral_frequencies as line_spectrum;
+use crate::dsp::linear_prediction::error_share;
 use crate::dsp::log_spectrum::{BINS, LogSpectrum};
 use crate::dsp::model::Model;
 use crate::dsp::spectrum::band_edges_hz;
+use crate::dsp::wide;
 
 /// Slope of the spectrum above the band of the models.
 pub const ROLL_OFF_DB_PER_OCTAVE: f64 = 48.0;
@@ -153,8 +158,9 @@ fn at_play_rate(toolkit: &Toolkit, poles: &[f64], zeros: &[f64], gain: f64) -> L
     // A zero on the unit circle is limited to a floor of -200 dB.
     const FLOOR: f64 = 1e-20;
     let (rate_hz, step_hz) = (toolkit.sample_rate_hz, toolkit.step_hz());
-    // At most half of the result's spacing, because the result is interpolated between these bins.
-    let own_bins = (0.5 * rate_hz / step_hz).ceil() as usize * 2 + 1;
+    // The result's bins, or, if half the file's rate is none of them, at most half of their spacing.
+    let own = 0.5 * rate_hz / step_hz;
+    let own_bins = if own.fract() == 0.0 { own } else { 2.0 * own.ceil() } as usize + 1;
     let (poles, zeros) = (
         line_spectrum::log_spectrum(poles, own_bins),
         line_spectrum::log_spectrum(zeros, own_bins),
@@ -221,38 +227,72 @@ pub(super) fn model(toolkit: &Toolkit, place: (f64, f64)) -> Model {
 
 fn economical(shape: &LogSpectrum, toolkit: &Toolkit) -> Model {
     let last_bin = (toolkit.highest_hz() / toolkit.step_hz()).round() as usize;
+    let wanted: Vec<f64> = shape.values()[..=last_bin].iter().map(|value| value.exp()).collect();
     // Lower orders need no fit of their own: their models are the first stages of this lattice.
     let full = shape.model(ORDERS[ORDERS.len() - 1]);
-    let mut last = None;
-    for order in ORDERS.map(|order| order.min(full.reflection.len())) {
-        let model = Model {
-            reflection: full.reflection[..order].to_vec(),
-            ..full.clone()
-        };
-        let made = LogSpectrum::of_model(&model);
+    // The polynomials of the stages so far at each frequency.
+    let begin = |bin: usize| {
+        (
+            Complex::cis(-PI * bin as f64 / (BINS - 1) as f64),
+            1.0.into(),
+            1.0.into(),
+        )
+    };
+    let mut bins: Vec<_> = (0..=last_bin).map(begin).collect();
+    let (mut order, mut made) = (0, Vec::<f64>::new());
+    for next in ORDERS.map(|next| next.min(full.reflection.len())) {
+        let stages = &full.reflection[order..next];
+        wide(
+            #[inline(always)]
+            || {
+                for k in stages {
+                    for (turn, a, b) in &mut bins {
+                        (*a, *b) = stage((*a, *b), *turn, *k);
+                    }
+                }
+            },
+        );
+        order = next;
+        let error_power = full.output_power * error_share(&full.reflection[..order]);
+        let density = |(_, a, _): &(_, Complex<f64>, _)| error_power / a.norm_sqr().max(f64::MIN_POSITIVE);
+        made = bins.iter().map(density).collect();
         let is_near = toolkit.bands().all(|band| {
             let (low_hz, high_hz) = band_edges_hz(band);
             let (low, high) = (low_hz / toolkit.step_hz(), high_hz / toolkit.step_hz());
-            let ratio = made.power_between(low, high) / shape.power_between(low, high);
+            let ratio = power_between(&made, low, high) / power_between(&wanted, low, high);
             let error_db = 10.0 * ratio.log10();
             error_db.abs() <= ORDER_TOLERANCE_DB || !error_db.is_finite()
-        });
-        let level = power_below(shape, last_bin) / power_below(&made, last_bin);
-        last = Some(Model {
-            output_power: model.output_power * level,
-            ..model
         });
         if is_near {
             break;
         }
     }
-    last.expect("there are orders")
+    Model {
+        output_power: full.output_power * power_below(&wanted) / power_below(&made),
+        reflection: full.reflection[..order].to_vec(),
+        ..full
+    }
 }
 
-/// Returns the sum of the spectrum's values up to the `last`, which is proportional to power.
-fn power_below(spectrum: &LogSpectrum, last: usize) -> f64 {
-    let inner: f64 = spectrum.values()[1..last].iter().map(|value| value.exp()).sum();
-    inner + 0.5 * (spectrum.values()[0].exp() + spectrum.values()[last].exp())
+/// Returns A and its backward polynomial, which is e^(-jωm) times the conjugate of A, of one order more.
+/// The reflection coefficient is k, and `turn` is e^(-jω).
+#[inline(always)]
+pub(super) fn stage((a, b): (Complex<f64>, Complex<f64>), turn: Complex<f64>, k: f64) -> (Complex<f64>, Complex<f64>) {
+    let delayed = b * turn;
+    (a + delayed * k, delayed + a * k)
+}
+
+/// Returns the sum of the `density` between two fractional bins.
+fn power_between(density: &[f64], low: f64, high: f64) -> f64 {
+    let share = |bin: usize| (bin as f64 + 0.5).min(high) - (bin as f64 - 0.5).max(low);
+    let bins = low.round() as usize..=(high.round() as usize).min(density.len() - 1);
+    bins.map(|bin| density[bin] * share(bin).max(0.0)).sum()
+}
+
+/// Returns the sum of the `density`, which is proportional to power.
+fn power_below(density: &[f64]) -> f64 {
+    let last = density.len() - 1;
+    density[1..last].iter().sum::<f64>() + 0.5 * (density[0] + density[last])
 }
 
 #[cfg(test)]

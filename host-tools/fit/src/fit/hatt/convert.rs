@@ -270,17 +270,17 @@ pub(super) fn played_density(texture: &Texture<'_>, (speed_mm_s, force_n): (f64,
     let step = f64::from(1u32 << HEIGHT_BITS) * f64::from(1u32 << OutputSample::FRACTION_BITS);
     // A response of 1 s gives densities 1 Hz apart.
     let rate_hz = texture.sample_rate_hz();
-    let mut response: Vec<f64> = (0..rate_hz)
-        .map(|sample| {
-            let excitation = if sample == 0 {
-                1 << (excitation::FRACTION_BITS + HEIGHT_BITS)
-            } else {
-                0
-            };
-            let (output, _) = state.next_sample::<Portable>(&frame, excitation, 0);
-            f64::from(output.0) / step
-        })
-        .collect();
+    let mut response = vec![0.0; rate_hz as usize];
+    let mut excitation = 1 << (excitation::FRACTION_BITS + HEIGHT_BITS);
+    for sample in &mut response {
+        let (output, _) = state.next_sample::<Portable>(&frame, excitation, 0);
+        *sample = f64::from(output.0) / step;
+        excitation = 0;
+        // What follows is exactly zero.
+        if state.is_silent(texture.max_order()) {
+            break;
+        }
+    }
     let spectrum = fourier::forward(&mut response);
     let scale = 2.0 / f64::from(rate_hz);
     spectrum.iter().map(|bin| scale * bin.norm_sqr()).collect()

@@ -277,14 +277,21 @@ pub(super) fn amplitudes(signal: &[f64], ranges: &[Range<usize>], waves: &[Vec<C
         },
     );
     let product = |i: usize, j: usize| products.as_flattened()[i * vectors * LANES + j];
+    solved(signal.len(), product, &right)
+}
+
+/// Returns the amplitudes that solve the normal equations of `samples` samples. `product` gives their matrix up to the
+/// diagonal. The rows of a component are those of Re w and -Im w.
+pub(super) fn solved(samples: usize, product: impl Fn(usize, usize) -> f64, right: &DVector<f64>) -> Vec<Complex<f64>> {
+    let count = right.len();
     let mut normal = DMatrix::from_fn(count, count, |i, j| product(i.max(j), i.min(j)));
     for i in 0..count {
-        normal[(i, i)] += 1e-9 * signal.len() as f64;
+        normal[(i, i)] += 1e-9 * samples as f64;
     }
-    let Some(solution) = normal.cholesky().map(|factor| factor.solve(&right)) else {
-        return vec![Complex::default(); waves.len()];
+    let Some(solution) = normal.cholesky().map(|factor| factor.solve(right)) else {
+        return vec![Complex::default(); count / 2];
     };
-    (0..waves.len())
+    (0..count / 2)
         .map(|i| Complex::new(solution[2 * i], solution[2 * i + 1]))
         .collect()
 }

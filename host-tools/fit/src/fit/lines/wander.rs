@@ -4,11 +4,12 @@
 use std::ops::Range;
 
 use model_format::{SAMPLE_RATE_HZ, Wander, limits};
+use nalgebra::DVector;
 use rayon::prelude::*;
 
 use super::bands::{Band, WholeSpectrum};
 use super::search::{AtSpeed, HARMONICS, HIGHEST_HZ, LEVEL, LOWEST_HZ, by_speed};
-use super::track::{amplitudes, wave, without_straight_line};
+use super::track::{solved, wave, without_straight_line};
 use crate::dsp::fourier::Complex;
 use crate::dsp::sums::{upper_median, variance};
 use crate::dsp::wide;
@@ -311,13 +312,15 @@ fn course_of(heard: &BandedTrial, carrier: Carrier, signal: &[f64], ranges: &[Ra
             reference,
             band,
             turns,
+            in_step: in_step(signal, ranges, &wave),
             wave,
         }
     });
     let is_of_time = matches!(carrier, Carrier::Time(_));
     let told = told.filter(|told| !is_of_time || holds(&told.turns));
-    let judged = told.map(|told| (power_in_step(signal, ranges, &told.wave), told));
-    let (_, told) = judged.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    // Each harmonic is measured independently of the others.
+    let power = |told: &LineFundamental| told.in_step.iter().map(Complex::norm_sqr).sum::<f64>();
+    let told = told.max_by(|a, b| power(a).total_cmp(&power(b)))?;
     Some(course_by(heard, &told, signal, ranges))
 }
 
@@ -330,15 +333,16 @@ struct LineFundamental {
     turns: Vec<f64>,
     /// The fundamental's wave.
     wave: Vec<Complex<f64>>,
+    /// Sums of the signal in step with each harmonic.
+    in_step: [Complex<f64>; HARMONICS as usize],
 }
 
 /// Number of samples that are processed side by side.
 const LANES: usize = 4;
 
-/// Power of the harmonics in step with a fundamental of this `wave`, in the units of a squared amplitude, (m/s²)². Each
-/// harmonic is measured independently of the others.
-fn power_in_step(signal: &[f64], ranges: &[Range<usize>], wave: &[Complex<f64>]) -> f64 {
-    let mut sums = [[Complex::<f64>::default(); LANES]; HARMONICS as usize];
+/// Returns Σ x(n) w(n)⁻ᵏ over the `ranges` of the signal x, for a fundamental of this `wave` w and k = 1 ... N.
+fn in_step<const N: usize>(signal: &[f64], ranges: &[Range<usize>], wave: &[Complex<f64>]) -> [Complex<f64>; N] {
+    let mut sums = [[Complex::<f64>::default(); LANES]; N];
     wide(
         #[inline(always)]
         || {
@@ -362,10 +366,30 @@ fn power_in_step(signal: &[f64], ranges: &[Range<usize>], wave: &[Complex<f64>])
             }
         },
     );
+    sums.map(|sums| sums.into_iter().sum())
+}
+
+/// Returns the complex amplitude of each of `count` harmonics of a fundamental. Products of their waves are waves too,
+/// so that few sums give all of the normal equations.
+fn amplitudes_of(told: &LineFundamental, count: usize, ranges: &[Range<usize>]) -> Vec<Complex<f64>> {
+    let ones = vec![1.0; told.wave.len()];
+    let powers: [_; 2 * HARMONICS as usize] = in_step(&ones, ranges, &told.wave);
     let samples: usize = ranges.iter().map(ExactSizeIterator::len).sum();
-    let scale = 2.0 / samples.max(1) as f64;
-    let amplitude = |sums: &[Complex<f64>; LANES]| sums.iter().sum::<Complex<f64>>() * scale;
-    sums.iter().map(|sums| amplitude(sums).norm_sqr()).sum()
+    let power = |k: usize| {
+        k.checked_sub(1)
+            .map_or(Complex::from(samples as f64), |at| powers[at].conj())
+    };
+    let product = |i: usize, j: usize| {
+        let (sum, difference) = (power(i / 2 + j / 2 + 2), power(i / 2 - j / 2));
+        0.5 * match (i % 2, j % 2) {
+            (0, 0) => difference.re + sum.re,
+            (0, _) => difference.im - sum.im,
+            (_, 0) => -difference.im - sum.im,
+            _ => difference.re - sum.re,
+        }
+    };
+    let right = told.in_step[..count].iter().flat_map(|sum| [sum.re, sum.im]);
+    solved(ones.len(), product, &DVector::from_iterator(2 * count, right))
 }
 
 /// Returns whether the frequency is nearly the same in all quarters of a recording.
@@ -381,10 +405,7 @@ fn holds(turns: &[f64]) -> bool {
 /// Returns the course of a trial from its line's fundamental `told`, and the fundamental's wavelength, mm.
 fn course_by(heard: &BandedTrial, told: &LineFundamental, signal: &[f64], ranges: &[Range<usize>]) -> (Course, f64) {
     let LineFundamental {
-        reference,
-        band,
-        turns,
-        wave: fundamental,
+        reference, band, turns, ..
     } = told;
     let reference = *reference;
     let times: Vec<f64> = (0..turns.len()).map(|n| n as f64).collect();
@@ -396,15 +417,7 @@ fn course_by(heard: &BandedTrial, told: &LineFundamental, signal: &[f64], ranges
     let wavelength_mm = speed / per_sample;
     let hz = per_sample * f64::from(SAMPLE_RATE_HZ);
     let count = ((HIGHEST_HZ / hz) as u32).min(HARMONICS);
-    let mut of_harmonics: Vec<Vec<Complex<f64>>> = Vec::new();
-    for _ in 1..=count {
-        // Harmonics are powers of the fundamental's wave, which saves computing sines.
-        of_harmonics.push(match of_harmonics.last() {
-            Some(last) => last.iter().zip(fundamental).map(|(a, b)| a * b).collect(),
-            None => fundamental.clone(),
-        });
-    }
-    let amplitudes = amplitudes(signal, ranges, &of_harmonics);
+    let amplitudes = amplitudes_of(told, count as usize, ranges);
     let seconds = signal.len() as f64 / f64::from(SAMPLE_RATE_HZ);
     let half_hz = 0.5 * band.width_hz() / f64::from(reference);
     let (mut noises, mut counts) = (Vec::new(), Vec::new());

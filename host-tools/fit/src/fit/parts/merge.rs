@@ -50,9 +50,10 @@ impl<'s> Merged<'s> {
                 unit,
             })
         };
-        let textures = units(set, options).into_par_iter();
-        let textures = textures.map(|units| units.into_par_iter().map(partial).collect());
-        let textures = textures.collect::<Result<Vec<Vec<Partial>>>>()?;
+        let textures = units(set, options)
+            .into_par_iter()
+            .map(|units| units.into_par_iter().map(partial).collect())
+            .collect::<Result<Vec<Vec<Partial>>>>()?;
         // Before any file is read, so that a missing shard shows at once.
         refuse_missing(set, &textures, folder)?;
         let read = textures.par_iter().map(|units| {
@@ -115,11 +116,13 @@ impl<'s> Merged<'s> {
 
     /// Fits `textures` for one library.
     fn fitted(&self, textures: &[Vec<Partial>], progress: impl Fn() + Sync) -> Result<Vec<FittedTexture>> {
-        let fitted = textures.iter().map(|units| {
-            let (recordings, _) = read(self.set, units)?;
-            FittedTexture::of(&recordings, &self.trials, &self.options)
-        });
-        let mut fitted = fitted.collect::<Result<Vec<_>>>()?;
+        let mut fitted = textures
+            .iter()
+            .map(|units| {
+                let (recordings, _) = read(self.set, units)?;
+                FittedTexture::of(&recordings, &self.trials, &self.options)
+            })
+            .collect::<Result<Vec<_>>>()?;
         let source = Source {
             set: self.set,
             reports: &self.trials,
@@ -160,8 +163,12 @@ fn read<'s>(set: &'s RecordingSet, units: &[Partial]) -> Result<(Recordings<'s>,
 
 /// Refuses a folder that lacks the file of any unit.
 fn refuse_missing(set: &RecordingSet, textures: &[Vec<Partial>], folder: &Path) -> Result<()> {
-    let missing = textures.iter().flatten().filter(|own| !own.path.exists());
-    let missing: Vec<&Unit> = missing.map(|own| &own.unit).collect();
+    let missing: Vec<&Unit> = textures
+        .iter()
+        .flatten()
+        .filter(|own| !own.path.exists())
+        .map(|own| &own.unit)
+        .collect();
     let Some(first) = missing.first() else {
         return Ok(());
     };

@@ -101,9 +101,13 @@ pub fn map(
     progress: impl Fn(usize) + Sync,
 ) -> Result<Mapped> {
     std::fs::create_dir_all(folder).map_err(Error::io("create", folder))?;
-    let units = units(set, options).into_iter().flatten().enumerate();
-    let own = units.filter(|(number, _)| shard.has(*number));
-    let own: Vec<Unit> = own.map(|(_, unit)| unit).collect();
+    let own: Vec<Unit> = units(set, options)
+        .into_iter()
+        .flatten()
+        .enumerate()
+        .filter(|(number, _)| shard.has(*number))
+        .map(|(_, unit)| unit)
+        .collect();
     // Returns the number of trials whose results already existed.
     let map_unit = |unit: &Unit| {
         let path = unit.path(set, options, folder)?;

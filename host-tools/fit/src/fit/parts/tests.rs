@@ -82,8 +82,11 @@ fn mapped(set: &RecordingSet, options: &Options, shard: Shard, folder: &Path) ->
 }
 
 fn copies(trials: &[crate::fit::TrialReport]) -> usize {
-    let verdicts = trials.iter().flat_map(|trial| &trial.verdicts);
-    verdicts.filter(|verdict| verdict.name() == "duplicate").count()
+    trials
+        .iter()
+        .flat_map(|trial| &trial.verdicts)
+        .filter(|verdict| verdict.name() == "duplicate")
+        .count()
 }
 
 /// Covers more shards than units, so that some are empty, and each texture by itself. The last case subtracts the rig's
@@ -109,8 +112,11 @@ fn shards_of_any_number_made_in_any_order_leave_what_one_process_leaves() {
         let whole = fit(&set, &options, |_| ()).unwrap();
         assert_eq!(copies(&whole.trials), 1);
         let parts = folder.path().join(format!("parts-{of}"));
-        let shards = (1..=of).rev().map(|number| Shard { number, of });
-        let trials: usize = shards.map(|shard| mapped(&set, &options, shard, &parts).trials).sum();
+        let trials: usize = (1..=of)
+            .rev()
+            .map(|number| Shard { number, of })
+            .map(|shard| mapped(&set, &options, shard, &parts).trials)
+            .sum();
         assert_eq!(trials, set.trials.len());
         let expected = left_by(&set, &options, &whole, None);
         assert_eq!(merged(&set, &options, &parts).unwrap(), expected);
@@ -120,9 +126,10 @@ fn shards_of_any_number_made_in_any_order_leave_what_one_process_leaves() {
             let (part, contents, alone) = merged.fit_texture(number).unwrap();
             assert_eq!((part.trials.len(), contents.len(), alone.textures.len()), (4, 4, 1));
             assert_eq!(alone.textures[0].nodes, whole.textures[number].nodes);
-            let members = alone.textures[0].members.iter();
             assert!(
-                members
+                alone.textures[0]
+                    .members
+                    .iter()
                     .map(|&member| &part.trials[member].file)
                     .eq(part.trials.iter().map(|own| &own.file))
             );

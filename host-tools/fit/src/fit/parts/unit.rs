@@ -96,8 +96,7 @@ impl Unit {
             Some(path) if options.floor != FloorChoice::None => RecordingSet::open(std::slice::from_ref(path))?.trials,
             _ => Vec::new(),
         };
-        let own = self.trials.iter().map(|&index| &set.trials[index]);
-        for trial in own.chain(&floor) {
+        for trial in self.trials.iter().map(|&index| &set.trials[index]).chain(&floor) {
             // A snapped speed is the node's; lines are sought at the measured one.
             let line_speed = (options.lines != Lines::None).then(|| trial.line_speed_mm_s());
             hash = hash.then(&encoded(&(inputs(trial)?, line_speed))?);
@@ -123,8 +122,10 @@ impl Unit {
     /// Computes the unit's result, and writes it to `path`.
     pub fn compute(&self, set: &RecordingSet, options: &Options, path: &Path) -> Result<()> {
         let recordings = Recordings::read(set, &self.trials, options, Part::Whole, &|_| ())?;
-        let trials = recordings.trials.into_par_iter();
-        let trials = trials.map(|own| Ok((content_of(own.trial)?, own.analysis)));
+        let trials = recordings
+            .trials
+            .into_par_iter()
+            .map(|own| Ok((content_of(own.trial)?, own.analysis)));
         let content = encoded(&Content {
             findings: recordings.findings,
             trials: trials.collect::<Result<_>>()?,
@@ -145,8 +146,10 @@ fn inputs(trial: &Trial) -> Result<impl Serialize + use<'_>> {
         return Err(Error::file(&trial.file, problem));
     }
     let metadata = std::fs::metadata(&trial.file).map_err(Error::io("read", &trial.file))?;
-    let changed = metadata.modified().ok();
-    let changed = changed.and_then(|time| time.duration_since(UNIX_EPOCH).ok());
+    let changed = metadata
+        .modified()
+        .ok()
+        .and_then(|time| time.duration_since(UNIX_EPOCH).ok());
     let line = (
         trial.file.as_os_str().as_encoded_bytes(),
         trial.texture.as_str(),

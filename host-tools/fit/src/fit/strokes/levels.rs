@@ -81,8 +81,9 @@ impl Axes {
     /// Returns the speed, mm/s, and force, N, of each node, all forces of the first speed first.
     pub fn nodes(&self) -> impl Iterator<Item = (f64, f64)> {
         let forces = &self.forces_n;
-        let speeds = self.speeds_mm_s.iter();
-        speeds.flat_map(move |&speed| forces.iter().map(move |&force| (speed, force)))
+        self.speeds_mm_s
+            .iter()
+            .flat_map(move |&speed| forces.iter().map(move |&force| (speed, force)))
     }
 
     /// Returns the nodes around a motion and their weights, which add up to one.
@@ -231,8 +232,9 @@ impl NodeLevels {
                 }
             }
         }
-        let factor = matrix.cholesky();
-        let factor = factor.expect("the penalty is positive definite, and so is its sum with squares");
+        let factor = matrix
+            .cholesky()
+            .expect("the penalty is positive definite, and so is its sum with squares");
         let off_db = factor.solve(&right);
         (levels.levels_db.iter_mut().zip(&off_db)).for_each(|(level, off)| *level += off);
         levels
@@ -251,6 +253,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use test_helpers::near;
 
     fn windows(motions: &[(f64, f64)], level_db: impl Fn(f64, f64) -> f64) -> Vec<LevelAt> {
         let window = |&(speed_mm_s, force_n): &(f64, f64)| LevelAt {
@@ -290,8 +293,9 @@ mod tests {
             };
             let windows = windows(&motions, law);
             let levels = NodeLevels::of(Axes::of(&windows), &windows);
-            let errors = windows.iter().map(|at| levels.level_db(at.speed_mm_s, at.force_n) - at.level_db);
-            let squares: f64 = errors.map(|error| error * error).sum();
+            let squares: f64 = windows.iter()
+                .map(|at| (levels.level_db(at.speed_mm_s, at.force_n) - at.level_db).powi(2))
+                .sum();
             prop_assert!((squares / windows.len() as f64).sqrt() < 0.5);
         }
 
@@ -338,6 +342,6 @@ mod tests {
             *levels.axes.forces_n.last().unwrap(),
         );
         let corner = levels.levels_db.last().unwrap();
-        assert!((corner - law(speed, force)).abs() < 0.5, "{corner}");
+        near(*corner, law(speed, force), 0.5);
     }
 }

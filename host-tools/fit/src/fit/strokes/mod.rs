@@ -131,8 +131,7 @@ fn add_lines(texture: &mut FittedTexture, lines: &Along) {
         let is_shown = !windows.is_empty();
         is_shown.then(|| NodeLevels::of(axes.clone(), windows).levels_db)
     };
-    let levels = lines.levels.iter().map(of_line);
-    let levels: Vec<Option<Vec<f64>>> = levels.collect();
+    let levels: Vec<Option<Vec<f64>>> = lines.levels.iter().map(of_line).collect();
     let at_node = |node: usize| TrialLines {
         amplitudes_m_s2: (levels.iter())
             .map(|levels_db| Some(10f64.powf(levels_db.as_ref()?[node] / 20.0)))
@@ -267,8 +266,10 @@ mod tests {
             (speed, 1.0 + 0.6 * (0.9 * time_s + 2.0 * phase).cos())
         };
         let motion: Vec<(f64, f64)> = (0..signal.len()).map(motion).collect();
-        let played = signal.iter().zip(&motion);
-        let axis = played.map(|(x, &(speed, force))| x * law(speed, force));
+        let axis = signal
+            .iter()
+            .zip(&motion)
+            .map(|(x, &(speed, force))| x * law(speed, force));
         Freehand {
             rate_hz: RATE_HZ,
             axes: vec![axis.collect()],
@@ -295,10 +296,13 @@ mod tests {
 
     /// Returns the levels of the nodes relative to those of the surface, dB.
     fn over_law_db(fit: &Fit) -> Vec<f64> {
-        let over = fit.textures[0].grid.nodes().map(|(speed, force, model)| {
-            10.0 * model.output_power.log10() - 20.0 * law(f64::from(speed), f64::from(force)).log10()
-        });
-        over.collect()
+        fit.textures[0]
+            .grid
+            .nodes()
+            .map(|(speed, force, model)| {
+                10.0 * model.output_power.log10() - 20.0 * law(f64::from(speed), f64::from(force)).log10()
+            })
+            .collect()
     }
 
     fn fitted(seeds: &[u64], felt: fn(Freehand) -> Freehand) -> Fit {

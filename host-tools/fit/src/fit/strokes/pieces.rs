@@ -38,8 +38,11 @@ pub(super) fn trials(name: &str, strokes: &[Stroke], levels: &NodeLevels) -> Res
         .iter()
         .map(|stroke| stroke.recorded_hz)
         .fold(f64::from(SAMPLE_RATE_HZ), f64::min);
-    let nodes = levels.axes.nodes().zip(at_nodes);
-    let enough = nodes.filter(|(_, own)| own.samples.len() >= LEAST_KEPT);
+    let enough = levels
+        .axes
+        .nodes()
+        .zip(at_nodes)
+        .filter(|(_, own)| own.samples.len() >= LEAST_KEPT);
     let trial = |((speed, force), own): ((f64, f64), AtNode)| {
         // Stretches fade into each other as the parts of a cut trial do, so that no joint clicks.
         let joined = kept(vec![own.samples], &own.stretches);
@@ -62,9 +65,12 @@ fn add(stroke: &Stroke, run: &Range<usize>, levels: &NodeLevels, at_nodes: &mut 
         .map(|&(speed, force)| (speed.max(LEAST_SPEED_MM_S), force.max(LEAST_FORCE_N)))
         .collect();
     let nearest = |&(speed, force): &(f64, f64)| {
-        let around = levels.axes.around(speed, force);
-        let most = around.iter().max_by(|a, b| a.1.total_cmp(&b.1));
-        most.map_or(0, |(node, _)| *node)
+        levels
+            .axes
+            .around(speed, force)
+            .iter()
+            .max_by(|a, b| a.1.total_cmp(&b.1))
+            .map_or(0, |(node, _)| *node)
     };
     let nodes: Vec<usize> = motion.iter().map(nearest).collect();
     let mut end = run.start;

@@ -76,8 +76,7 @@ impl Stroke {
         let samples = read(&trial)?;
         let mut verdicts = triage::samples(&samples, samples.slow_share());
         // What is normal for a hand is not reported, but cut all the same.
-        let spans = verdicts.iter().flat_map(Verdict::spans);
-        let cut: Vec<Range<usize>> = spans.cloned().collect();
+        let cut: Vec<Range<usize>> = verdicts.iter().flat_map(Verdict::spans).cloned().collect();
         verdicts.retain(|verdict| !BY_HAND.contains(&verdict.kind()));
         // Nothing is cut from the signal, so that its samples keep the times of the motion.
         let Signal {
@@ -87,10 +86,11 @@ impl Stroke {
         } = whole_signal(&trial, conditioning)?;
         let per_sample = RATE_HZ / recording.rate_hz;
         let at_rate = |index: usize| ((index as f64 * per_sample) as usize).min(signal.len());
-        let moving = moving(recording, WINDOW_S)
+        let moving: Vec<Range<usize>> = moving(recording, WINDOW_S)
             .into_iter()
-            .flat_map(|run| without(&(at_rate(run.start)..at_rate(run.end)), &cut));
-        let moving: Vec<Range<usize>> = moving.filter(|run| run.len() >= WINDOW).collect();
+            .flat_map(|run| without(&(at_rate(run.start)..at_rate(run.end)), &cut))
+            .filter(|run| run.len() >= WINDOW)
+            .collect();
         let at_samples = |values: &[f64]| {
             let of = |sample: usize| values[((sample as f64 / per_sample) as usize).min(values.len() - 1)];
             averaged(&(0..signal.len()).map(of).collect::<Vec<_>>())
@@ -143,11 +143,14 @@ impl Stroke {
             high_pass(&mut played, RATE_HZ, cut_hz);
         }
         let [recorded, played] = [self.signal.clone(), played].map(|own| self.for_levels(own));
-        let over = self.window_ranges().map(|window| {
-            let power = |signal: &[f64]| energy(&signal[window.clone()]);
-            10.0 * (power(&recorded) / power(&played)).log10()
-        });
-        Ok(over.filter(|over_db| over_db.is_finite()).collect())
+        Ok(self
+            .window_ranges()
+            .map(|window| {
+                let power = |signal: &[f64]| energy(&signal[window.clone()]);
+                10.0 * (power(&recorded) / power(&played)).log10()
+            })
+            .filter(|over_db| over_db.is_finite())
+            .collect())
     }
 
     /// Returns `signal` without the rest of the hand's motion that is left in a filtered stroke.
@@ -210,6 +213,7 @@ fn averaged(values: &[f64]) -> Vec<f64> {
 #[allow(clippy::single_range_in_vec_init, reason = "the spans are ranges")]
 mod tests {
     use super::*;
+    use test_helpers::near;
 
     #[test]
     fn what_is_cut_leaves_the_parts_between() {
@@ -230,7 +234,7 @@ mod tests {
         let mean = averaged(&ramp);
         assert_eq!(mean.len(), ramp.len());
         for at in STEADY..900 {
-            assert!((mean[at] - ramp[at]).abs() <= 0.5 + 1e-9, "{at}: {}", mean[at]);
+            near(mean[at], ramp[at], 0.5 + 1e-9);
         }
         assert!(averaged(&[3.0; 7]).iter().all(|value| (value - 3.0).abs() < 1e-12));
     }

@@ -181,8 +181,11 @@ fn loudest_line_hz(signal: &[f64], rate_hz: f64) -> f64 {
     padded.resize(len, 0.0);
     let spectrum = fourier::forward(&mut padded);
     // An offset, in the bin at 0 Hz, is no line.
-    let loudest = (1..spectrum.len()).max_by(|&a, &b| spectrum[a].norm_sqr().total_cmp(&spectrum[b].norm_sqr()));
-    loudest.unwrap_or(1) as f64 * rate_hz / len as f64
+    (1..spectrum.len())
+        .max_by(|&a, &b| spectrum[a].norm_sqr().total_cmp(&spectrum[b].norm_sqr()))
+        .unwrap_or(1) as f64
+        * rate_hz
+        / len as f64
 }
 
 /// Least ratio of an impact to the noise's RMS.

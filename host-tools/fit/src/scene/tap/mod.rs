@@ -166,17 +166,19 @@ impl Taps {
     fn outlier(&self, begin: usize, end: usize) -> Option<String> {
         let near = (2.0 * CONTACT_WITHIN_S * self.rate_hz) as usize;
         let end = end.max(begin + near).min(self.is_outlier.len());
-        let own = self.is_outlier.get(begin.saturating_sub(near)..end)?;
-        own.contains(&true).then(|| "values out of range".into())
+        self.is_outlier
+            .get(begin.saturating_sub(near)..end)?
+            .contains(&true)
+            .then(|| "values out of range".into())
     }
 
     fn impacts(&self) -> Vec<Impact> {
         let begins = onsets(&self.samples_m_s2, self.rate_hz);
         let longest = (WINDOW_S * self.rate_hz) as usize;
-        let ends = begins.iter().skip(1).copied();
-        let ends = ends.chain([self.samples_m_s2.len()]);
-        let windows = begins.iter().zip(ends);
-        windows
+        let ends = begins.iter().skip(1).copied().chain([self.samples_m_s2.len()]);
+        begins
+            .iter()
+            .zip(ends)
             .map(|(&begin, end)| {
                 let (begin, ringing) = self.ringing(begin, end, longest);
                 Impact {
@@ -208,8 +210,10 @@ impl Taps {
                 (at, fit(window, self.rate_hz))
             })
             .collect();
-        let residuals = tried.iter().map(|(_, ringing)| ringing.residual);
-        let least = residuals.fold(f64::INFINITY, f64::min);
+        let least = tried
+            .iter()
+            .map(|(_, ringing)| ringing.residual)
+            .fold(f64::INFINITY, f64::min);
         let fits = |(_, ringing): &&(usize, Ringing)| ringing.residual <= NEARLY_AS_WELL * least + NEGLIGIBLE_RESIDUAL;
         *tried.iter().find(fits).expect("one has the least residual")
     }
@@ -226,8 +230,11 @@ impl Taps {
         let last = (begin + within).min(force.len().saturating_sub(2 * interval));
         let contact = (first..last).find(|&at| force[at - 1] <= bound && force[at] > bound)?;
         let rise = |end: usize| force[end] - force[end - interval];
-        let rises = (contact..contact + interval).map(|end| rise(end).max(rise(end + interval)));
-        let rate = rises.sum::<f64>() / interval as f64 / (interval as f64 / self.rate_hz);
+        let rate = (contact..contact + interval)
+            .map(|end| rise(end).max(rise(end + interval)))
+            .sum::<f64>()
+            / interval as f64
+            / (interval as f64 / self.rate_hz);
         (rate > 0.0).then_some(rate)
     }
 }
@@ -301,7 +308,8 @@ fn has_force(path: &Path) -> Result<bool> {
     file.take(MOST_HEADER_BYTES)
         .read_to_end(&mut bytes)
         .map_err(Error::io("read", path))?;
-    let table = CsvTable::of(path, String::from_utf8_lossy(&bytes).into_owned())?;
-    let header = table.header()?;
-    Ok(header.exact_column("force_n")?.is_some())
+    Ok(CsvTable::of(path, String::from_utf8_lossy(&bytes).into_owned())?
+        .header()?
+        .exact_column("force_n")?
+        .is_some())
 }

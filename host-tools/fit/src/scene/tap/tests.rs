@@ -13,8 +13,10 @@ const RATE_HZ: f64 = 5000.0;
 fn made(frequency_hz: f64, decay_s: f64, taps: &[(f64, f64)], noise_rms: f64, seed: u64) -> Vec<f64> {
     let end_s = taps.last().unwrap().0 + 0.5;
     let generator = rand_pcg::Pcg64::seed_from_u64(seed);
-    let noise = StandardNormal.sample_iter(generator);
-    let noise: Vec<f64> = noise.take((end_s * RATE_HZ) as usize).collect();
+    let noise: Vec<f64> = StandardNormal
+        .sample_iter(generator)
+        .take((end_s * RATE_HZ) as usize)
+        .collect();
     let at = |time_s: f64| -> f64 {
         taps.iter()
             .filter(|(begin_s, _)| time_s >= *begin_s)
@@ -52,7 +54,7 @@ fn noise_at_the_onset_does_not_spoil_the_fit() {
     assert_eq!(onsets(&samples, RATE_HZ), [999]);
     let found = TapFit::new(&[recording(samples)]).unwrap();
     assert_eq!(found.impacts[0].time_s, 0.2);
-    assert!((found.decay_s / decay_s - 1.0).abs() < 0.03, "{found:?}");
+    near(found.decay_s / decay_s, 1.0, 0.03);
     near(found.impacts[0].amplitude_m_s2, 1.0, 0.03);
 }
 
@@ -94,17 +96,16 @@ fn a_decaying_sine_without_noise_is_found_exactly() {
         })
         .collect();
     let found = fit(&window, RATE_HZ);
-    assert!((found.frequency_hz - 237.0).abs() < 1e-6, "{found:?}");
-    assert!((found.decay_s - 0.011).abs() < 1e-9, "{found:?}");
-    assert!((found.amplitude - 20.0).abs() < 1e-6, "{found:?}");
-    assert!((found.phase_rad - 0.4).abs() < 1e-6, "{found:?}");
+    near(found.frequency_hz, 237.0, 1e-6);
+    near(found.decay_s, 0.011, 1e-9);
+    near(found.amplitude, 20.0, 1e-6);
+    near(found.phase_rad, 0.4, 1e-6);
     assert!(found.residual < 1e-12, "{found:?}");
 }
 
 #[test]
 fn amplitudes_over_rates_of_force_give_the_gain() {
-    let taps = (1..=6).map(|n| (0.4 * f64::from(n), 5.0 * f64::from(n)));
-    let taps: Vec<(f64, f64)> = taps.collect();
+    let taps: Vec<(f64, f64)> = (1..=6).map(|n| (0.4 * f64::from(n), 5.0 * f64::from(n))).collect();
     let samples = made(240.0, 0.012, &taps, 0.05, 7);
     // The force rises over 4 ms at each impact and falls after 100 ms: 20 N/s for the first impact, 40 for the second
     // ...
@@ -112,15 +113,16 @@ fn amplitudes_over_rates_of_force_give_the_gain() {
     let force_n: Vec<f64> = (0..samples.len())
         .map(|at| {
             let time_s = at as f64 / RATE_HZ;
-            let touching = taps.iter().rposition(|(begin_s, _)| time_s >= *begin_s);
-            touching.map_or(0.0, |n| {
-                let since_s = time_s - taps[n].0;
-                if since_s < 0.1 {
-                    rate(n) * since_s.min(0.004)
-                } else {
-                    0.0
-                }
-            })
+            taps.iter()
+                .rposition(|(begin_s, _)| time_s >= *begin_s)
+                .map_or(0.0, |n| {
+                    let since_s = time_s - taps[n].0;
+                    if since_s < 0.1 {
+                        rate(n) * since_s.min(0.004)
+                    } else {
+                        0.0
+                    }
+                })
         })
         .collect();
     let taps = Taps {
@@ -140,7 +142,7 @@ fn amplitudes_over_rates_of_force_give_the_gain() {
         near(played / impact.amplitude_m_s2, 1.0, 0.6);
     }
     assert!(found.gain_scatter.unwrap() < 0.1, "{found:?}");
-    assert!((found.limit_m_s2 / 37.5 - 1.0).abs() < 0.05, "{found:?}");
+    near(found.limit_m_s2 / 37.5, 1.0, 0.05);
 }
 
 #[test]
@@ -165,8 +167,12 @@ fn an_impact_near_a_value_out_of_range_is_left_out() {
         ..recording(samples)
     };
     let found = TapFit::new(&[taps]).unwrap();
-    let counted = found.impacts.iter().filter(|impact| impact.left_out.is_none());
-    let times_s: Vec<f64> = counted.map(|impact| impact.time_s).collect();
+    let times_s: Vec<f64> = found
+        .impacts
+        .iter()
+        .filter(|impact| impact.left_out.is_none())
+        .map(|impact| impact.time_s)
+        .collect();
     assert_eq!(times_s.len(), 1, "{found:?}");
     near(times_s[0], 0.2, 1e-3);
 }
@@ -182,5 +188,5 @@ fn a_click_is_left_out_and_does_not_count() {
     let found = TapFit::new(&[recording(samples)]).unwrap();
     let left_out: Vec<bool> = found.impacts.iter().map(|i| i.left_out.is_some()).collect();
     assert_eq!(left_out, [false, true, false], "{found:?}");
-    assert!((found.frequency_hz - 300.0).abs() < 3.0, "{found:?}");
+    near(found.frequency_hz, 300.0, 3.0);
 }

@@ -79,8 +79,11 @@ impl Level {
             level.rms_m_s2 += values().map(|x| (x - mean).powi(2)).sum::<f64>() / count;
         }
         level.rms_m_s2 = level.rms_m_s2.sqrt();
-        let codes = samples.iter().flat_map(|sample| sample.acceleration);
-        let peak = codes.map(|code| code.0.abs_diff(MID_SCALE)).max();
+        let peak = samples
+            .iter()
+            .flat_map(|sample| sample.acceleration)
+            .map(|code| code.0.abs_diff(MID_SCALE))
+            .max();
         // The upper end of the range is one code nearer to mid-scale than the lower end.
         level.peak_of_range = f64::from(peak.unwrap_or(0)) / f64::from(MID_SCALE - 1);
         let path: i64 = samples.iter().map(|s| i64::from(s.encoder_delta)).sum();

@@ -361,8 +361,9 @@ impl Requester {
 
     /// Sends a motion and waits for its acknowledgement.
     pub(in crate::link) async fn motion(&self, sample: MotionSample) -> Result<MotionSource> {
-        let answer = self.request::<MotionEndpoint>("motion", self.timeouts.answer, &sample);
-        Ok(answer.await??)
+        Ok(self
+            .request::<MotionEndpoint>("motion", self.timeouts.answer, &sample)
+            .await??)
     }
 }
 

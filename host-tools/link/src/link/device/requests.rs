@@ -27,12 +27,14 @@ impl Device {
 
     /// The library that was uploaded last, with its slot; none if no slot holds a library.
     pub fn newest(&self) -> Result<Option<(SlotId, SlotInfo)>> {
-        let slots = SlotId::ALL.into_iter().zip(self.slots()?.slots);
-        let valid = slots.filter_map(|(id, state)| match state {
-            SlotState::Valid(library) => Some((id, library)),
-            _ => None,
-        });
-        Ok(valid.max_by_key(|(_, library)| library.sequence))
+        Ok(SlotId::ALL
+            .into_iter()
+            .zip(self.slots()?.slots)
+            .filter_map(|(id, state)| match state {
+                SlotState::Valid(library) => Some((id, library)),
+                _ => None,
+            })
+            .max_by_key(|(_, library)| library.sequence))
     }
 
     /// Reads the list of textures in `slot`; an empty one if the slot holds no library.

@@ -99,8 +99,9 @@ impl Device {
                 next += data.len() as u32;
                 let answer = async move {
                     let chunk = UploadChunk { offset, data };
-                    let answer = (self.requester).request::<UploadChunkEndpoint<'_>>("upload chunk", timeout, &chunk);
-                    Ok(answer.await??)
+                    Ok((self.requester)
+                        .request::<UploadChunkEndpoint<'_>>("upload chunk", timeout, &chunk)
+                        .await??)
                 };
                 chunks.push_back(OnItsWay::Waiting(Box::pin(answer)));
             }

@@ -74,6 +74,7 @@ impl Coil {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use test_helpers::near;
 
     #[test]
     fn the_figures_of_a_coil_are_those_of_ohms_law() {
@@ -83,9 +84,9 @@ mod tests {
             power_limit: 0.5,
             hard_limit: 0.5,
         };
-        assert!((coil.peak_amperes() - 0.625).abs() < 1e-6);
-        assert!((coil.peak_watts() - 3.125).abs() < 1e-6);
-        assert!((coil.hard_limit_of_power() - 0.2).abs() < 1e-6);
+        near(coil.peak_amperes(), 0.625, 1e-6);
+        near(coil.peak_watts(), 3.125, 1e-6);
+        near(coil.hard_limit_of_power(), 0.2, 1e-6);
         assert!(coil.summary()[1].contains("6.2 x") || coil.summary()[1].contains("6.3 x"));
     }
 }

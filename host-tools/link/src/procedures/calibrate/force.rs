@@ -107,11 +107,13 @@ impl ForceScale {
         }
         let most = |codes: f64, one: f64| f64::max(codes, (one / codes_per_n).abs());
         // The order of the weights is the same backwards, so each pair has the same weight.
-        let back = measured.iter().zip(measured.iter().rev());
-        let hysteresis_n = back.map(|(up, down)| codes(up) - codes(down)).fold(0.0, most);
+        let hysteresis_n = measured
+            .iter()
+            .zip(measured.iter().rev())
+            .map(|(up, down)| codes(up) - codes(down))
+            .fold(0.0, most);
         let line = |one: &Weighed| mean_codes + codes_per_n * (force(one) - mean_n);
-        let residuals = measured.iter().map(|one| codes(one) - line(one));
-        let residual_n = residuals.fold(0.0, most);
+        let residual_n = measured.iter().map(|one| codes(one) - line(one)).fold(0.0, most);
         let percent = |newtons: f64| 100.0 * newtons / most_n;
         // Hysteresis is asked first, because it also shows as a deviation from the line.
         if hysteresis_n > MOST_SHARE * most_n {
@@ -120,8 +122,11 @@ impl ForceScale {
         if residual_n > MOST_SHARE * most_n {
             return Err(ForceFault::NotLinear(residual_n, percent(residual_n)));
         }
-        let unloaded = measured.iter().filter(|one| one.grams == 0.0);
-        let noise_n = unloaded.map(|one| one.at_rest.deviation[3]).fold(0.0, most);
+        let noise_n = measured
+            .iter()
+            .filter(|one| one.grams == 0.0)
+            .map(|one| one.at_rest.deviation[3])
+            .fold(0.0, most);
         // Contact ends at half of the threshold. The half must exceed a zero that is off by the hysteresis.
         let threshold_n = CONTACT_DEVIATIONS * noise_n + 2.0 * hysteresis_n;
         Ok(Self {
@@ -135,10 +140,7 @@ impl ForceScale {
 
     /// Returns the settings of scale and threshold, rounded to four digits. The measurement is less accurate than that.
     pub fn changes(&self) -> [SettingChange; 2] {
-        let digits = |value: f64| {
-            let text = format!("{value:.3e}");
-            text.parse().unwrap_or(value as f32)
-        };
+        let digits = |value: f64| format!("{value:.3e}").parse().unwrap_or(value as f32);
         [
             (Setting::ForcePerVolt, self.n_per_volt),
             (Setting::ContactThreshold, self.contact_threshold_n),
@@ -170,6 +172,7 @@ impl ForceScale {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use test_helpers::near;
 
     /// Returns measurements of a sensor with `codes_per_n`. It shows `down` more codes during unloading, and `square`
     /// more codes per square newton.
@@ -205,7 +208,7 @@ mod tests {
     fn a_sensor_that_sticks_bends_or_does_not_react_is_refused_by_its_name() {
         let of = |down, square| ForceScale::of(&measured(&[100.0, 200.0], 5_000.0, down, square));
         let kept = of(100.0, 0.0).expect("1 % is within what is allowed");
-        assert!((kept.hysteresis_n - 0.02).abs() < 0.001, "{kept:?}");
+        near(kept.hysteresis_n, 0.02, 0.001);
         assert!(kept.contact_threshold_n > 2.0 * kept.hysteresis_n);
         assert!(matches!(of(700.0, 0.0), Err(ForceFault::Hysteresis(..))));
         assert!(matches!(of(0.0, -1_500.0), Err(ForceFault::NotLinear(..))));

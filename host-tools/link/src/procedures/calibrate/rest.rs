@@ -41,8 +41,7 @@ impl AtRest {
     /// A lost link, a texture or scene that is playing, or a recording with holes.
     pub fn measure(device: &Device, seconds: f64, goes_on: impl FnMut() -> bool) -> Result<Option<Self>> {
         refuse_if_playing(device)?;
-        let captured = capture(device, seconds, 0.1, goes_on, |_, _, _| ())?;
-        Ok(captured.map(|Capture { samples, .. }| Self::of(&samples)))
+        Ok(capture(device, seconds, 0.1, goes_on, |_, _, _| ())?.map(|Capture { samples, .. }| Self::of(&samples)))
     }
 
     /// Computes the values from `samples`, which must be two or more.

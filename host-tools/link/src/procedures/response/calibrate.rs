@@ -140,9 +140,8 @@ fn prove(
     };
     let volts = peak_m_s2 * design.output_gain;
     let played = usable(bench.play(&probe)?, volts)?;
-    let measured = MeasuredResponse::of(&Spectra::of(&played.axes), &wave, peak_m_s2, &options.bandwidths);
-    let measured =
-        measured.ok_or_else(|| Verdict::NothingMoves.failure(format!("nothing moves at {volts:.3} V of peak")))?;
+    let measured = MeasuredResponse::of(&Spectra::of(&played.axes), &wave, peak_m_s2, &options.bandwidths)
+        .ok_or_else(|| Verdict::NothingMoves.failure(format!("nothing moves at {volts:.3} V of peak")))?;
     let curve = response(&measured)?;
     let at_ten = |hz: f64| {
         let of = |at: usize, rate: PlayRate| cascade_db(&design.sections[at], rate.hz().into(), hz);

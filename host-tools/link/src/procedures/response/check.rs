@@ -98,8 +98,10 @@ pub fn check(bench: &mut impl ProbedStylus, stored: &Response, bandwidths: &Band
     changes.sort_by(f64::total_cmp);
     // The median, because a resonance that has moved changes some of the bands by much more than the gain.
     let gain_db = changes.get(changes.len() / 2).copied().unwrap_or(f64::NAN);
-    let off = bands.iter().map(|&(band, change)| (band, change - gain_db));
-    let worst = off.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+    let worst = bands
+        .iter()
+        .map(|&(band, change)| (band, change - gain_db))
+        .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
     let fit = Fit::of(&measured.lines);
     let resonance_hz = fit.map(|fit| fit.resonance.hz);
     let cosine: f64 = measured

@@ -58,8 +58,7 @@ impl Flatness {
 
 /// Returns the measured level over frequency.
 pub(super) fn response(measured: &MeasuredResponse) -> Result<Response> {
-    let points = Response::new(measured.points());
-    points.map_err(|fault| Verdict::Noisy.failure(fault.to_string()))
+    Response::new(measured.points()).map_err(|fault| Verdict::Noisy.failure(fault.to_string()))
 }
 
 /// Designs equalisers and level for `measured`.
@@ -90,8 +89,7 @@ pub(super) fn design(
         .collect();
     let floored = Response::new(floored).unwrap_or(measured.clone());
     let of_rate = |rate: PlayRate| {
-        let designed = equaliser::design(&floored, rate.hz().into(), options.max_gain_db);
-        designed.map_err(|_| beyond(first, last))
+        equaliser::design(&floored, rate.hz().into(), options.max_gain_db).map_err(|_| beyond(first, last))
     };
     let [five, ten] = [of_rate(PlayRate::Hz5000)?, of_rate(PlayRate::Hz10000)?];
     let after = Flatness::of(band_hz, |hz| {

@@ -62,8 +62,7 @@ impl<'a> DeviceBench<'a> {
                 spoken = Instant::now();
             }
             let arrival = stream.wait()?;
-            let rows = arrival.samples.into_iter().zip(arrival.whole);
-            for ((sample, is_whole), tick) in rows.zip(arrival.first_tick..) {
+            for ((sample, is_whole), tick) in arrival.samples.into_iter().zip(arrival.whole).zip(arrival.first_tick..) {
                 // Samples after a hole are left out, so that the length shows the hole.
                 if tick < end && tick == first + samples.len() as u64 {
                     samples.push(sample);
@@ -77,9 +76,10 @@ impl<'a> DeviceBench<'a> {
             }
             if last >= end {
                 let link = self.device.address().to_string();
-                let what = "the recording of the probe has a hole: close other programs that use the link or keep this \
-                            computer busy, or use USB";
-                let what = what.to_owned();
+                let what =
+                    "the recording of the probe has a hole: close other programs that use the link or keep this \
+                            computer busy, or use USB"
+                        .to_owned();
                 return Err(LinkError::Lossy { link, what }.into());
             }
         }

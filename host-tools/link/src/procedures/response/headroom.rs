@@ -57,13 +57,15 @@ pub const LIMITS: [&str; 3] = ["voltage", "slew", "power"];
 impl Headroom {
     /// The tightest limit, and by how much it is exceeded, dB.
     pub fn tightest(&self) -> (&'static str, f64) {
-        let limits = LIMITS.into_iter().zip(self.over_db);
-        limits.fold(
-            ("none", f64::NEG_INFINITY),
-            |worst, now| {
-                if now.1 > worst.1 { now } else { worst }
-            },
-        )
+        LIMITS
+            .into_iter()
+            .zip(self.over_db)
+            .fold(
+                ("none", f64::NEG_INFINITY),
+                |worst, now| {
+                    if now.1 > worst.1 { now } else { worst }
+                },
+            )
     }
 
     /// The texture or scene, in words.
@@ -100,8 +102,10 @@ pub fn headroom(library: &Library<'_>, settings: &Settings, response: Option<&Re
         slew_per_s: 1e3 * f64::from(settings.get(Setting::SlewLimit)),
         response,
     };
-    let alone = library.textures().map(|texture| output.asked_for(texture, None));
-    let mut all = alone.collect::<Result<Vec<_>>>()?;
+    let mut all = library
+        .textures()
+        .map(|texture| output.asked_for(texture, None))
+        .collect::<Result<Vec<_>>>()?;
     for scene in library.scenes() {
         for surface in &scene.surfaces {
             let texture = surface.texture.map(usize::from);
@@ -224,11 +228,13 @@ impl Output<'_> {
         sections_db: impl Fn(f64) -> f64,
     ) -> BandHeadroom {
         let hz = band_centre_hz(band);
-        let known = self.response.filter(|response| response.trusted_bands >> band & 1 == 1);
-        let tip_m_s2 = known.map(|response| {
-            let level_db = f64::from(response.bands_centi_db[band]) / 100.0;
-            asked_m_s2 * self.gain * ratio(level_db + sections_db(hz))
-        });
+        let tip_m_s2 = self
+            .response
+            .filter(|response| response.trusted_bands >> band & 1 == 1)
+            .map(|response| {
+                let level_db = f64::from(response.bands_centi_db[band]) / 100.0;
+                asked_m_s2 * self.gain * ratio(level_db + sections_db(hz))
+            });
         BandHeadroom {
             hz,
             asked_m_s2,
@@ -278,6 +284,7 @@ mod tests {
     use super::*;
     use crate::playing::pin::Pin;
     use crate::playing::render::Rendering;
+    use test_helpers::near;
 
     fn with(changes: &[(Setting, f32)]) -> Settings {
         changes.iter().fold(Settings::default(), |settings, &(setting, value)| {
@@ -341,7 +348,7 @@ mod tests {
             assert_eq!(scene.scene.as_deref(), Some(name));
             assert_eq!((&scene.texture, scene.at), (&alone.texture, alone.at));
             for (over_db, alone_db) in scene.over_db.iter().zip(alone.over_db) {
-                assert!((over_db - alone_db - db(times)).abs() < 1e-6);
+                near(over_db - alone_db, db(times), 1e-6);
             }
         }
     }

@@ -149,8 +149,12 @@ impl Bounds {
         let gain = f64::from(settings.get(Setting::OutputGain));
         let scales = Calibration::new(settings, None).m_s2_per_code;
         let wired = SCALES.map(|scale| settings.get(scale).abs() > scale.spec().least_magnitude);
-        let own = scales.iter().zip(wired).filter(|(_, is_wired)| *is_wired);
-        let narrowest = own.map(|(scale, _)| scale.abs()).fold(f64::INFINITY, f64::min);
+        let narrowest = scales
+            .iter()
+            .zip(wired)
+            .filter(|(_, is_wired)| *is_wired)
+            .map(|(scale, _)| scale.abs())
+            .fold(f64::INFINITY, f64::min);
         Self {
             peak_volts: (SHARE_OF_PEAK * f64::from(limits.peak_volt))
                 // The device refuses a probe above this peak.

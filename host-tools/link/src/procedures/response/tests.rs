@@ -1,9 +1,6 @@
-use std::io::Write;
-use std::path::Path;
-
 use model_format::link::{ProbeThrough, RecordSample, Response, Setting, SettingChange, Settings};
 use model_format::scene::Biquad;
-use model_format::{AdcCode, DacCode, MillimetresPerSecond, Newton, OutputSample, PlayRate};
+use model_format::{AdcCode, DacCode, OutputSample, PlayRate};
 use nalgebra::Matrix5;
 use stylus_app::safety::{Config, Heat, State};
 use stylus_plant::{Axis, Fault as Broken, Parameters, Plant};
@@ -11,8 +8,6 @@ use stylus_plant::{Axis, Fault as Broken, Parameters, Plant};
 use super::*;
 use crate::dsp::equaliser::{cascade_db, filtered};
 use crate::dsp::response::{Bandwidths, PERIOD, RATE_HZ, db};
-use crate::playing::motion::MotionPath;
-use crate::playing::render::render;
 
 /// Bandwidths of the presets' accelerometer.
 const BANDWIDTHS: Bandwidths = Bandwidths([Some(1600.0), Some(1600.0), Some(550.0)]);
@@ -60,15 +55,15 @@ impl PlantBench {
         }
     }
 
-    /// Plays samples in m/s² from rest. Returns the recording, pin and tip per code, and whether a limit acted.
-    fn run(&mut self, samples: &[f64], output_gain: f32) -> (Vec<RecordSample>, Vec<[f32; 2]>, bool) {
+    /// Plays samples in m/s² from rest. Returns the recording, and whether a limit acted.
+    fn run(&mut self, samples: &[f64], output_gain: f32) -> (Vec<RecordSample>, bool) {
         let gain = SettingChange {
             setting: Setting::OutputGain,
             value: output_gain,
         };
         let config = Config::at_rate(&self.settings.with(gain).unwrap(), 1.0, PlayRate::Hz5000);
         let mut state = self.kept.map_or_else(|| State::new(&config), State::with_heat);
-        let (mut recorded, mut codes, mut before) = (Vec::new(), Vec::new(), 0.0);
+        let (mut recorded, mut before) = (Vec::new(), 0.0);
         for sample in samples {
             let volts = self.plant.accelerometer_volts();
             let code = |volts: f64| AdcCode(((volts + 1.65) / 3.3 * 65_536.0).round() as u16);
@@ -81,7 +76,6 @@ impl PlantBench {
             for code in state.process(&config, output, false) {
                 let volts = (f64::from(code.get()) - 2048.0) * f64::from(DacCode::STEP.0);
                 self.plant.step(volts, true);
-                codes.push([volts as f32, self.plant.tip_m_s2() as f32]);
                 self.heat += (self.plant.coil_watts() - self.heat) / 400_000.0;
                 let now = [volts.abs(), (volts - before).abs(), self.heat];
                 before = volts;
@@ -93,14 +87,7 @@ impl PlantBench {
         self.kept = Some(state.heat());
         let counters = state.counters();
         let limited = counters.hard_limited + counters.slew_limited + counters.thermally_limited > 0;
-        (recorded, codes, limited)
-    }
-
-    /// Plays the texture `asked`, through the equaliser of `response` if there is one. Returns pin and tip per code.
-    fn texture(&mut self, asked: &[f64], response: Option<&Response>) -> Vec<[f32; 2]> {
-        let sections = response.map_or_else(Default::default, |response| response.sections_5khz.biquads());
-        let gain = response.map_or(0.045, |response| response.output_gain);
-        self.run(&filtered(&sections, asked), gain).1
+        (recorded, limited)
     }
 }
 
@@ -125,7 +112,7 @@ impl ProbedStylus for PlantBench {
         let sample = |code: &i16| f64::from(*code) / f64::from(i16::MAX) * probe.peak_m_s2;
         let wave: Vec<f64> = probe.codes.iter().map(sample).collect();
         let periods = probe.periods + 2;
-        let (recorded, _, limited) = self.run(&filtered(&sections, &wave.repeat(periods)), gain);
+        let (recorded, limited) = self.run(&filtered(&sections, &wave.repeat(periods)), gain);
         self.seconds += periods as f64 * PERIOD as f64 / RATE_HZ;
         Ok(Played::of(&recorded[2 * PERIOD..], &self.settings, limited))
     }
@@ -178,10 +165,10 @@ fn resonance_hz(parameters: &Parameters) -> f64 {
         rows[(3, column)] = of_mass[column] - row_of_body[column];
     }
     (rows[(2, 1)], rows[(4, 3)]) = (1.0, 1.0);
-    let pairs = rows
-        .complex_eigenvalues()
-        .map(|pole| if pole.im > 0.0 { pole.norm() } else { 0.0 });
-    pairs.max() / std::f64::consts::TAU
+    rows.complex_eigenvalues()
+        .map(|pole| if pole.im > 0.0 { pole.norm() } else { 0.0 })
+        .max()
+        / std::f64::consts::TAU
 }
 
 /// Deviation from what was asked for, dB, with the exact response of the plant: RMS, worst, and mean from 30 to 800 Hz.
@@ -321,90 +308,4 @@ fn a_check_tells_what_has_moved() {
     assert!(checked(&|now| now.coil.stiffness_n_per_m *= 1.5).contains("resonance has moved"));
     assert!(checked(&|now| now.accelerometer.tilt_deg += 30.0).contains("direction"));
     assert!(checked(&|now| now.faults.push(Broken::OpenWire)).contains("nothing moves"));
-}
-
-/// Returns a random fault of random severity; none for every tenth seed.
-fn broken(seed: u64) -> Option<Broken> {
-    let share = |of: u64| {
-        (seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(of as u32 * 13) >> 40) as f64 / f64::from(1 << 24)
-    };
-    let log = |low: f64, high: f64| low * (high / low).powf(share(1));
-    Some(match seed % 10 {
-        0 => return None,
-        1 => Broken::DeadCoil,
-        2 => Broken::OpenWire,
-        3 => Broken::Reversed,
-        4 => Broken::Clipped { volts: log(0.1, 1.2) },
-        5 => Broken::DeadAxis {
-            axis: [Axis::X, Axis::Y, Axis::Z][seed as usize / 10 % 3],
-        },
-        6 => Broken::LooseMount {
-            gap_m: log(5e-6, 5e-4),
-            stiffness_n_per_m: 1e4 + 9e4 * share(2),
-        },
-        7 => Broken::MovingResonance {
-            doubles_at_m: log(2e-5, 1e-3),
-        },
-        8 => Broken::Hum {
-            hz: [50.0, 60.0][seed as usize / 10 % 2],
-            coil_volts: log(1e-3, 0.3),
-            accelerometer_volts: 0.0,
-        },
-        _ => Broken::Hum {
-            hz: [50.0, 60.0][seed as usize / 10 % 2],
-            coil_volts: 0.0,
-            accelerometer_volts: log(1e-4, 0.1),
-        },
-    })
-}
-
-/// Writes the results of 50 healthy plants and of 200 plants with random faults, which `response_figures.py` judges.
-///
-/// For each plant, NAME.json has the parameters and the outcome. If the plant passed, NAME.f32 has 5 s of noise and 5 s
-/// of a texture. Each begins with what was asked for, at 5 kHz. Pin (V) and tip (m/s²) at 40 kHz follow, first without
-/// and then with the equaliser.
-#[test]
-#[ignore = "minutes: STYLUS_FIGURES=FOLDER names where its figures go"]
-fn figures_of_many_plants() {
-    let Some(folder) = std::env::var_os("STYLUS_FIGURES") else {
-        panic!("STYLUS_FIGURES names no folder");
-    };
-    let library = test_helpers::library(5000);
-    let motion = MotionPath::constant(MillimetresPerSecond(90.0), Newton(0.8)).unwrap();
-    let texture = render(test_helpers::texture(&library), &motion, 5.0, 3)
-        .unwrap()
-        .accelerations_m_s2();
-    let hiss = test_helpers::noise(5, texture.len());
-    for number in 0..250 {
-        let (kind, fault) = if number < 50 {
-            ("sound", None)
-        } else {
-            ("broken", broken(number - 50))
-        };
-        let parameters = plant(number, fault.into_iter().collect());
-        let (mut bench, outcome) = calibrated(&parameters, number);
-        let path = Path::new(&folder).join(format!("{kind}-{number:03}"));
-        let (verdict, response) = match &outcome {
-            Ok(done) => ("pass".to_owned(), Some(done.response)),
-            Err(Failure::Fault(fault)) => (fault.verdict.name(), None),
-            Err(failure) => panic!("{failure}"),
-        };
-        let report = serde_json::json!({
-            "parameters": parameters, "verdict": verdict, "seconds": bench.seconds, "most": bench.most,
-            "resonance_hz": response.map(|response| response.resonance_hz),
-            "band_hz": outcome.as_ref().ok().map(|done| done.design.band_hz),
-            "output_gain": response.map(|response| response.output_gain),
-        });
-        std::fs::write(path.with_extension("json"), report.to_string()).unwrap();
-        let Some(response) = response else { continue };
-        let mut file = std::io::BufWriter::new(std::fs::File::create(path.with_extension("f32")).unwrap());
-        for asked in [&hiss, &texture] {
-            let quiet: Vec<f64> = asked.iter().map(|sample| 2.0 * sample).collect();
-            let runs = [None, Some(&response)].map(|response| bench.texture(&quiet, response));
-            let asked = quiet.iter().map(|sample| *sample as f32);
-            for value in asked.chain(runs.into_iter().flatten().flatten()) {
-                file.write_all(&value.to_le_bytes()).unwrap();
-            }
-        }
-    }
 }

@@ -214,7 +214,7 @@ impl MotionPath {
         let is_sparse = rows >= FEWEST_ROWS && step_s > LONGEST_STEP_S;
         let is_far = duration_s > LONG_S || path_m > LONG_M;
         let is_long = duration_s > LONGEST_S || (is_sparse && is_far);
-        let doubts = [
+        [
             (self.clock_s > 0.0).then(|| {
                 let clock_s = self.clock_s;
                 format!("the motion begins at {clock_s} s of its clock, and is taken to begin at 0 s")
@@ -225,11 +225,10 @@ impl MotionPath {
                      is in seconds; divide milliseconds by 1000"
                 )
             }),
-        ];
-        doubts
-            .into_iter()
-            .flatten()
-            .reduce(|one, other| format!("{one}; {other}"))
+        ]
+        .into_iter()
+        .flatten()
+        .reduce(|one, other| format!("{one}; {other}"))
     }
 
     /// Returns the time of the last row, in s; zero for a constant motion.
@@ -416,7 +415,7 @@ mod tests {
         assert_eq!(path.at(2.0), motion(200.0, 1.0));
         assert_eq!(path.at(3.0), motion(100.0, 0.5));
         assert_eq!(path.at(1e9), motion(0.0, 0.0));
-        assert!((path.duration_s() - 4.0).abs() < f64::EPSILON);
+        near(path.duration_s(), 4.0, f64::EPSILON);
     }
 
     #[test]
@@ -514,7 +513,7 @@ mod tests {
         }
         let told = read("time_s,position_mm,speed_mm_s,force_n\n1,-5,0,1\n3,7,0,1\n").unwrap();
         for (time_s, position_mm) in [(0.0, -5.0), (1.0, -5.0), (2.0, 1.0), (9.0, 7.0)] {
-            assert!((told.position_mm_at(time_s) - position_mm).abs() < 1e-9);
+            near(told.position_mm_at(time_s), position_mm, 1e-9);
         }
         let constant = MotionPath::constant(MillimetresPerSecond(-80.0), Newton(0.6)).unwrap();
         assert!((constant.position_mm_at(2.0) + 160.0).abs() < 1e-9);

@@ -67,8 +67,10 @@ impl Columns {
         let named = header.names().enumerate();
         let mut named =
             named.filter_map(|(index, name)| TimeColumn::named(index, name)?.unit.map(|unit| (index, unit)));
-        let other = named.next().filter(|_| matches!(header.column("time_s"), Ok(None)));
-        let (time, unit) = other.map_or_else(|| needed("time_s").map(|index| (index, TimeUnit::S)), Ok)?;
+        let (time, unit) = named
+            .next()
+            .filter(|_| matches!(header.column("time_s"), Ok(None)))
+            .map_or_else(|| needed("time_s").map(|index| (index, TimeUnit::S)), Ok)?;
         Ok(Self {
             time,
             unit,

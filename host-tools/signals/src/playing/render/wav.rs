@@ -196,8 +196,7 @@ mod tests {
             sample_format: SampleFormat::Float,
         };
         assert_eq!(reader.spec(), spec);
-        let written = reader.into_samples().map(|sample| sample.unwrap());
-        let written: Vec<f32> = written.collect();
+        let written: Vec<f32> = reader.into_samples().map(|sample| sample.unwrap()).collect();
         let expected: Vec<f32> = rendered
             .samples
             .iter()

@@ -67,8 +67,10 @@ proptest! {
 #[test]
 fn all_short_lattices_and_all_short_blocks_give_the_bits_of_single_samples() {
     for order in 0..=70 {
-        let thetas = (0..order).map(|stage| (stage * 2_654_435 % 16_777_216) - THETA_QUARTER_TURN);
-        let rotations: Vec<Rotation> = thetas.map(Rotation::from_theta).collect();
+        let rotations: Vec<Rotation> = (0..order)
+            .map(|stage| (stage * 2_654_435 % 16_777_216) - THETA_QUARTER_TURN)
+            .map(Rotation::from_theta)
+            .collect();
         let words = |seed: i32, count: usize| {
             let full = [i32::MAX, i32::MIN, 0];
             let word = |index: usize| match index % 5 {

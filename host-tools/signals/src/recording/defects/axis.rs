@@ -60,8 +60,7 @@ fn beyond(samples: &[f64], low: f64, high: f64) -> Vec<u32> {
             for (block, samples) in samples.chunks(BLOCK).enumerate() {
                 let count: u64 = samples.iter().map(|&x| u64::from(is_beyond(x))).sum();
                 if count > 0 {
-                    let here = samples.iter().enumerate();
-                    let here = here.filter(|(_, x)| is_beyond(**x));
+                    let here = samples.iter().enumerate().filter(|(_, x)| is_beyond(**x));
                     found.extend(here.map(|(at, _)| (block * BLOCK + at) as u32));
                 }
             }
@@ -75,9 +74,11 @@ fn changes(samples: &[f64]) -> usize {
     wide(
         #[inline(always)]
         || {
-            let pairs = samples.iter().zip(samples.get(1..).unwrap_or_default());
-            let changes = pairs.map(|(before, after)| u64::from(before != after));
-            changes.sum::<u64>() as usize
+            samples
+                .iter()
+                .zip(samples.get(1..).unwrap_or_default())
+                .map(|(before, after)| u64::from(before != after))
+                .sum::<u64>() as usize
         },
     )
 }
@@ -86,10 +87,7 @@ fn changes(samples: &[f64]) -> usize {
 pub(super) fn fourth_differences(samples: &[f64]) -> Vec<f64> {
     wide(
         #[inline(always)]
-        || {
-            let windows = samples.windows(5);
-            windows.map(|w| fourth_difference(w) / 6.0).collect()
-        },
+        || samples.windows(5).map(|w| fourth_difference(w) / 6.0).collect(),
     )
 }
 
@@ -133,6 +131,7 @@ pub(super) fn snr_db(axis: &Axis<'_>) -> f64 {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use test_helpers::near;
 
     proptest! {
         /// Reference: loops over the single samples.
@@ -142,8 +141,7 @@ mod tests {
         ) {
             let axis = Axis::of(&values);
             let at_limit = |x: f64| x >= axis.high - axis.tolerance || x <= axis.low + axis.tolerance;
-            let places = (0..values.len()).filter(|&at| at_limit(values[at]));
-            let places: Vec<u32> = places.map(|at| at as u32).collect();
+            let places: Vec<u32> = (0..values.len()).filter(|&at| at_limit(values[at])).map(|at| at as u32).collect();
             prop_assert_eq!(&axis.at_limits, &places);
             let changes = values.windows(2).filter(|pair| pair[0] != pair[1]).count();
             prop_assert_eq!(axis.changes, changes);
@@ -161,7 +159,7 @@ mod tests {
     fn steps_of_a_tenth_of_the_level_are_thirty_decibels_below_it() {
         let wave = (0..5000).map(|n| (2f64.sqrt() * (0.1237 * f64::from(n)).sin() * 10.0).round() / 10.0);
         let snr = snr_db(&Axis::of(&wave.collect::<Vec<_>>()));
-        assert!((snr - 30.8).abs() < 0.3, "{snr}");
+        near(snr, 30.8, 0.3);
         assert_eq!(snr_db(&Axis::of(&[2.0; 100])), f64::INFINITY);
     }
 }

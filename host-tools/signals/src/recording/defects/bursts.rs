@@ -207,13 +207,15 @@ impl<'a> Errors<'a> {
             .chunks(BLOCK)
             .zip((0..).step_by(BLOCK))
             .map(|(block, first)| {
-                let lone = (first..).zip(block).filter(|(at, _)| is_lone(*at));
-                lone.fold(
-                    (first, 0.0),
-                    |most, (at, &energy)| {
-                        if energy > most.1 { (at, energy) } else { most }
-                    },
-                )
+                (first..)
+                    .zip(block)
+                    .filter(|(at, _)| is_lone(*at))
+                    .fold(
+                        (first, 0.0),
+                        |most, (at, &energy)| {
+                            if energy > most.1 { (at, energy) } else { most }
+                        },
+                    )
             })
             .collect();
         // The ends have no surroundings by which they could be judged.
@@ -295,8 +297,9 @@ impl<'a> Errors<'a> {
         let backward: Vec<f64> = a.iter().rev().copied().collect();
         let explained = sliding(&padded, &backward);
         let left: Vec<f64> = errors.iter().zip(explained).map(|(e, d)| (e - d) * (e - d)).collect();
-        let is_calm = left.windows(WINDOW).all(|window| window.iter().sum::<f64>() <= rest);
-        is_calm.then(|| energy(errors) / (energy(a) * wrong.norm_squared()))
+        left.windows(WINDOW)
+            .all(|window| window.iter().sum::<f64>() <= rest)
+            .then(|| energy(errors) / (energy(a) * wrong.norm_squared()))
     }
 
     /// Returns whether the samples on either side are not loud.
@@ -327,12 +330,14 @@ mod tests {
     /// `excitation` through a low-pass at 280 Hz and a resonance at 265 Hz.
     fn ringing(excitation: &[f64]) -> Vec<f64> {
         let (mut low, mut state) = (0.0, (0.0, 0.0));
-        let ring = excitation.iter().map(|e| {
-            low = 0.7 * low + e;
-            state = (low + 1.8 * state.0 - 0.91 * state.1, state.0);
-            state.0
-        });
-        ring.collect()
+        excitation
+            .iter()
+            .map(|e| {
+                low = 0.7 * low + e;
+                state = (low + 1.8 * state.0 - 0.91 * state.1, state.0);
+                state.0
+            })
+            .collect()
     }
 
     /// Noise on three axes, each weaker than the previous one.

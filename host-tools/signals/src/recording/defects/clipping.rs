@@ -26,12 +26,14 @@ fn clipped_share_of(axis: &Axis<'_>) -> f64 {
         return 0.0;
     }
     let flat = |run: &[f64]| run.iter().all(|x| (x - run[0]).abs() <= axis.tolerance);
-    let places = axis.at_limits.iter().map(|&at| at as usize);
-    let runs = places.filter(|&at| {
-        let run = samples.get(at..at + LEAST_RUN);
-        run.is_some_and(flat)
-    });
-    if runs.count() < MIN_CLIPPED_SAMPLES {
+    if axis
+        .at_limits
+        .iter()
+        .map(|&at| at as usize)
+        .filter(|&at| samples.get(at..at + LEAST_RUN).is_some_and(flat))
+        .count()
+        < MIN_CLIPPED_SAMPLES
+    {
         return 0.0;
     }
     outside as f64 / samples.len() as f64
@@ -78,8 +80,11 @@ fn rounded_share_of(axis: &Axis<'_>) -> f64 {
 fn are_of_one_height(samples: &[f64], height: impl Fn(&f64) -> f64) -> bool {
     let is_above = |x: &f64| height(x) > 0.0;
     let highest = |top: &&[f64]| top.iter().map(&height).fold(0.0, f64::max);
-    let tops = samples.chunk_by(|x, next| is_above(x) == is_above(next));
-    let tops: Vec<&[f64]> = tops.filter(|top| highest(top) > 0.5).take(MOST_TOPS).collect();
+    let tops: Vec<&[f64]> = samples
+        .chunk_by(|x, next| is_above(x) == is_above(next))
+        .filter(|top| highest(top) > 0.5)
+        .take(MOST_TOPS)
+        .collect();
     if tops.len() < LEAST_TOPS {
         return false;
     }
@@ -90,8 +95,8 @@ fn are_of_one_height(samples: &[f64], height: impl Fn(&f64) -> f64) -> bool {
     let lengths: Vec<f64> = tops.iter().map(|top| top.len() as f64).collect();
     let ratios = lengths
         .windows(2)
-        .map(|pair| (pair[0] / pair[1]).max(pair[1] / pair[0]));
-    let ratios = ratios.collect();
+        .map(|pair| (pair[0] / pair[1]).max(pair[1] / pair[0]))
+        .collect();
     let length = at(lengths, 0.5);
     let heights = tops.iter().filter(|top| top.len() as f64 >= length).map(highest);
     at(heights.collect(), 0.1) >= EQUAL_TOPS && at(ratios, 0.5) >= UNLIKE_LENGTHS
@@ -116,8 +121,11 @@ pub(super) fn clips(axis: &Axis<'_>, rate_hz: f64) -> Vec<Clip> {
     }
     let equal = |at: usize| (samples[at] - samples[at + 1]).abs() <= axis.tolerance;
     // A run that begins away from the limits cannot be at a limit, so only samples at a limit are examined.
-    let starts = axis.at_limits.iter().map(|&at| at as usize);
-    let starts = starts.filter(|&at| at == 0 || !equal(at - 1));
+    let starts = axis
+        .at_limits
+        .iter()
+        .map(|&at| at as usize)
+        .filter(|&at| at == 0 || !equal(at - 1));
     let runs = starts.map(|start| {
         let mut end = start + 1;
         while end < samples.len() && equal(end - 1) {

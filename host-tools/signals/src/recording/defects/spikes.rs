@@ -62,6 +62,7 @@ pub(super) fn spikes(axis: &Axis<'_>, rate_hz: f64) -> Vec<Spike> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use test_helpers::near;
 
     #[test]
     fn a_spike_is_found_where_it_is_and_a_short_vibration_is_none() {
@@ -70,7 +71,7 @@ mod tests {
         signal[2500] += 30.0;
         let found = spikes(&Axis::of(&signal), 5000.0);
         assert_eq!(found.len(), 1);
-        assert!((found[0].time_s - 0.5).abs() < 1e-9);
+        near(found[0].time_s, 0.5, 1e-9);
         let ring: Vec<f64> = (0..5000)
             .map(|n| {
                 let since = f64::from(n - 2500);

@@ -56,9 +56,12 @@ fn block_s(recording: &Freehand) -> f64 {
 
 /// Returns the times, s, at which the blocks begin in which the speed jumps.
 pub fn jumps_s(recording: &Freehand) -> Vec<f64> {
-    let blocks = blocks(recording).into_iter().enumerate();
-    let jumps = blocks.filter(|(_, block)| *block == Block::Jump);
-    jumps.map(|(block, _)| block as f64 * block_s(recording)).collect()
+    blocks(recording)
+        .into_iter()
+        .enumerate()
+        .filter(|(_, block)| *block == Block::Jump)
+        .map(|(block, _)| block as f64 * block_s(recording))
+        .collect()
 }
 
 /// Returns the stretches of `recording`, each at least `least_s` long, in which the tool moves in contact and in one
@@ -76,12 +79,14 @@ pub fn moving(recording: &Freehand, least_s: f64) -> Vec<Range<usize>> {
     let blocks = blocks(recording);
     let directions: Vec<Option<bool>> = blocks.iter().map(direction).collect();
     let mut end = 0;
-    let runs = directions.chunk_by(|a, b| a == b).map(|run| {
-        let first = end;
-        end += run.len();
-        (run[0].is_some() && run.len() as f64 * block_s >= least_s).then_some(first * length..end * length)
-    });
-    runs.flatten().collect()
+    directions
+        .chunk_by(|a, b| a == b)
+        .filter_map(|run| {
+            let first = end;
+            end += run.len();
+            (run[0].is_some() && run.len() as f64 * block_s >= least_s).then_some(first * length..end * length)
+        })
+        .collect()
 }
 
 /// Returns the motion of each whole block. A change of direction of a hand at rest does not count as a reversal.

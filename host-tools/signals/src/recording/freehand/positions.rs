@@ -30,9 +30,11 @@ pub(super) struct PositionColumn {
 
 /// Returns the columns of positions: `position_mm` along a path, or up to three such as `x_mm` or `Pos Y (m)`.
 pub(super) fn columns(header: &Header<'_>) -> Vec<PositionColumn> {
-    let named = header.names().enumerate();
-    let named = named.filter_map(|(index, name)| Some((index, position(name)?)));
-    let (axes, along): (Vec<_>, Vec<_>) = named.partition(|(_, (has_axis, _))| *has_axis);
+    let (axes, along): (Vec<_>, Vec<_>) = header
+        .names()
+        .enumerate()
+        .filter_map(|(index, name)| Some((index, position(name)?)))
+        .partition(|(_, (has_axis, _))| *has_axis);
     let chosen = if axes.is_empty() { along } else { axes };
     let column = |(index, (_, unit_mm))| PositionColumn { index, unit_mm };
     chosen.into_iter().map(column).collect()
@@ -41,8 +43,10 @@ pub(super) fn columns(header: &Header<'_>) -> Vec<PositionColumn> {
 /// Returns whether the name of a position has an axis, and the length of its unit, mm; `None` for other names.
 fn position(name: &str) -> Option<(bool, f64)> {
     let lower = name.to_lowercase();
-    let words = lower.split(|sign: char| !sign.is_alphanumeric());
-    let mut words: Vec<&str> = words.filter(|word| !word.is_empty()).collect();
+    let mut words: Vec<&str> = lower
+        .split(|sign: char| !sign.is_alphanumeric())
+        .filter(|word| !word.is_empty())
+        .collect();
     let unit_mm = match words.pop()? {
         "um" | "µm" => 1e-3,
         "mm" => 1.0,
@@ -70,8 +74,12 @@ pub(super) fn speed_mm_s(positions_mm: &[Vec<f64>], rate_hz: f64) -> Vec<f64> {
         axes => norms(axes),
     };
     for n in 1..speeds.len() {
-        let steps_mm = positions_mm.iter().map(|axis| axis[n] - axis[n - 1]);
-        let step_mm = steps_mm.map(|step| step * step).sum::<f64>().sqrt();
+        let step_mm = positions_mm
+            .iter()
+            .map(|axis| axis[n] - axis[n - 1])
+            .map(|step| step * step)
+            .sum::<f64>()
+            .sqrt();
         let jump_mm_s = step_mm * rate_hz / held as f64;
         if jump_mm_s > MAX_SPEED_MM_S {
             let end = (n + half + 1).min(speeds.len());

@@ -197,8 +197,12 @@ pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: Option<f64>) -> Resul
     let of_axes: Vec<String> = axes.iter().map(|&index| names[index].to_owned()).collect();
     let stated = unit::stated(&of_axes, &table.comments()?);
     let scales_m_s2 = stated.scales_for(scale_m_s2, axes.len());
-    let left_out = columns.left_out.remarks.iter().cloned();
-    let remarks = left_out.chain(stated.conversion(scale_m_s2));
+    let remarks = columns
+        .left_out
+        .remarks
+        .iter()
+        .cloned()
+        .chain(stated.conversion(scale_m_s2));
     let mut recording = Freehand {
         rate_hz: 0.0,
         axes: Vec::new(),
@@ -284,8 +288,10 @@ fn source(
     channels: Vec<Vec<f64>>,
 ) -> Result<Source> {
     let path = table.path();
-    let rate = given_hz.map(|rate_hz| SampleRate::new(rate_hz, "give another --sample-rate"));
-    let rate = rate.transpose().map_err(|fault| Error::file(path, fault))?;
+    let rate = given_hz
+        .map(|rate_hz| SampleRate::new(rate_hz, "give another --sample-rate"))
+        .transpose()
+        .map_err(|fault| Error::file(path, fault))?;
     let source = match (time, rate) {
         (Some(time), rate) => {
             let told = TimeFacts {
@@ -368,8 +374,10 @@ fn delay_s(recording: &Freehand) -> Option<f64> {
     };
     let levels: Vec<f64> = sums(&power).iter().map(|power| (power + 1e-9).ln()).collect();
     let logarithms = |values: &[f64], least: f64| -> Vec<f64> {
-        let means = sums(&|n| values[n].max(0.0));
-        means.into_iter().map(|mean| (mean + least).ln()).collect()
+        sums(&|n| values[n].max(0.0))
+            .into_iter()
+            .map(|mean| (mean + least).ln())
+            .collect()
     };
     let motion = [
         logarithms(&recording.speed_mm_s, 1.0),
@@ -466,14 +474,18 @@ impl Columns {
         let names = header.names().enumerate();
         let times: Vec<TimeColumn> = (names.filter_map(|(index, name)| TimeColumn::named(index, name))).collect();
         let is_time = |index: &usize| TimeColumn::of(&times, *index).is_some();
-        let samples = header.names().enumerate();
-        let samples = samples.filter(|(index, _)| Some(*index) != speed && *index != force && !is_time(index));
+        let samples = header
+            .names()
+            .enumerate()
+            .filter(|(index, _)| Some(*index) != speed && *index != force && !is_time(index));
         let is_position = |index: usize| speed.is_none() && positions.iter().any(|position| position.index == index);
-        let samples = samples.filter(|(index, _)| !is_position(*index));
-        let samples: Vec<(usize, &str)> = samples.collect();
+        let samples: Vec<(usize, &str)> = samples.filter(|(index, _)| !is_position(*index)).collect();
         let left_out = LeftOut::of(&samples);
-        let axes = samples.iter().map(|(index, _)| *index);
-        let axes: Vec<usize> = axes.filter(|&index| !left_out.contains(index)).collect();
+        let axes: Vec<usize> = samples
+            .iter()
+            .map(|(index, _)| *index)
+            .filter(|&index| !left_out.contains(index))
+            .collect();
         let best = TimeColumn::best(&times).map(|time| time.index);
         let time = times.into_iter().find(|time| Some(time.index) == best);
         if axes.is_empty() || axes.len() > MAX_CHANNELS {
@@ -502,11 +514,17 @@ impl Columns {
                 is_motion,
             }
         };
-        let axes = self.axes.iter().zip(scales_m_s2);
-        let axes = axes.map(|(&index, &scale)| (index, scale, MAX_ACCELERATION_M_S2));
+        let axes = self
+            .axes
+            .iter()
+            .zip(scales_m_s2)
+            .map(|(&index, &scale)| (index, scale, MAX_ACCELERATION_M_S2));
         let speed = self.speed.map(|index| (index, 1.0, MAX_SPEED_MM_S));
-        let positions = self.positions.iter().filter(|_| speed.is_none());
-        let positions = positions.map(|position| (position.index, position.unit_mm, f64::MAX));
+        let positions = self
+            .positions
+            .iter()
+            .filter(|_| speed.is_none())
+            .map(|position| (position.index, position.unit_mm, f64::MAX));
         let motion = [(self.force, 1.0, MAX_FORCE_N)]
             .into_iter()
             .chain(speed)
@@ -518,6 +536,7 @@ impl Columns {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use test_helpers::near;
 
     #[test]
     fn times_in_any_unit_give_the_same_recording() {
@@ -541,11 +560,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.csv");
         // 90 mm/s along x and 120 mm/s along y.
-        let rows = (0..2000).map(|n| {
+        let row = |n| {
             let s = f64::from(n) / 1000.0;
             format!("{s},{},{},1,{},1\n", 90.0 * s, 0.12 * s, n % 7)
-        });
-        let rows: String = rows.collect();
+        };
+        let rows: String = (0..2000).map(row).collect();
         std::fs::write(
             &path,
             format!("Time (s),Pos X (mm),y_m,Normal Force (N),ax,gyro\n{rows}"),
@@ -564,7 +583,7 @@ mod tests {
         let jumped = read(&path, None, None).unwrap();
         let bad = jumped.is_outlier.iter().filter(|bad| **bad).count();
         assert!((1..40).contains(&bad) && jumped.outliers[0].line > 950, "{bad}");
-        assert!((jumped.speed_mm_s[100] - 100.0).abs() < 1e-6);
+        near(jumped.speed_mm_s[100], 100.0, 1e-6);
     }
 
     #[test]

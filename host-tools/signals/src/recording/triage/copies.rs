@@ -88,8 +88,7 @@ pub(super) fn copies(sketches: &[&Sketch]) -> Vec<Option<(usize, f64)>> {
     let reach = (COPY_DIFFERENCE * SUMS as f64).sqrt() as f32;
     let mut original: Vec<Option<usize>> = vec![None; sketches.len()];
     for (place, &a) in order.iter().enumerate() {
-        let near = order[place + 1..].iter();
-        for &b in near.take_while(|&&b| first(b) - first(a) <= reach) {
+        for &b in order[place + 1..].iter().take_while(|&&b| first(b) - first(a) <= reach) {
             let (earlier, later) = (a.min(b), a.max(b));
             // The comparison of sketches takes the most time, so it comes last.
             if original[later].is_none_or(|known| earlier < known) && sketches[a].is_copy_of(sketches[b]) {
@@ -98,14 +97,18 @@ pub(super) fn copies(sketches: &[&Sketch]) -> Vec<Option<(usize, f64)>> {
         }
     }
     let scale = |copy: usize, of: usize| (sketches[copy].energy / sketches[of].energy).sqrt();
-    let found = original.into_iter().enumerate();
-    found.map(|(copy, of)| of.map(|of| (of, scale(copy, of)))).collect()
+    original
+        .into_iter()
+        .enumerate()
+        .map(|(copy, of)| of.map(|of| (of, scale(copy, of))))
+        .collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::test_signals::{bounded_noise, plus};
     use super::*;
+    use test_helpers::near;
 
     fn copies_of(signals: &[Vec<f64>]) -> Vec<Option<(usize, f64)>> {
         let sketches: Vec<Sketch> = signals.iter().map(|signal| Sketch::of(signal)).collect();
@@ -128,7 +131,7 @@ mod tests {
         let found = copies_of(&[a, b.clone(), scaled, rounded, b]);
         let originals: Vec<Option<usize>> = found.iter().map(|copy| Some(copy.as_ref()?.0)).collect();
         assert_eq!(originals, [None, None, Some(1), Some(0), Some(1)]);
-        assert!((found[2].unwrap().1 - 0.37).abs() < 1e-6);
+        near(found[2].unwrap().1, 0.37, 1e-6);
     }
 
     /// A drum that passes the same track again, with another force.

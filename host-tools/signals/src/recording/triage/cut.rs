@@ -39,8 +39,7 @@ fn between<'a>(
     least: usize,
     least_left: f64,
 ) -> Option<Vec<Span>> {
-    let cuts = verdicts.flat_map(|verdict| verdict.spans().iter().cloned());
-    let mut cuts: Vec<Span> = cuts.collect();
+    let mut cuts: Vec<Span> = verdicts.flat_map(|verdict| verdict.spans().iter().cloned()).collect();
     cuts.sort_by_key(|cut| cut.start);
     let mut parts = Vec::new();
     let mut from = 0;

@@ -57,21 +57,24 @@ pub fn mains_lines(spectrum: &PaddedSpectrum, axes: &[Vec<f64>], held: &Range<f6
         from.min(to)..to
     };
     let is_held = |mains: &f64| held.start <= mains - NEAR_HZ && mains + NEAR_HZ <= held.end;
-    let lines = MAINS_HZ.into_iter().filter(is_held).filter_map(|mains| {
-        let line = bins(mains - NEAR_HZ, mains + NEAR_HZ);
-        let peak = line.max_by(|&a, &b| power[a].total_cmp(&power[b]))?;
-        let around: Vec<f64> = bins(mains - AROUND_HZ.1, mains - AROUND_HZ.0)
-            .chain(bins(mains + AROUND_HZ.0, mains + AROUND_HZ.1))
-            .map(|bin| power[bin])
-            .collect();
-        let median = upper_median(&around)?;
-        let hz = peak as f64 * bin_hz;
-        (power[peak] > ratio() * median).then(|| MainsLine {
-            hz,
-            axis: lone_axis(axes, hz),
+    MAINS_HZ
+        .into_iter()
+        .filter(is_held)
+        .filter_map(|mains| {
+            let line = bins(mains - NEAR_HZ, mains + NEAR_HZ);
+            let peak = line.max_by(|&a, &b| power[a].total_cmp(&power[b]))?;
+            let around: Vec<f64> = bins(mains - AROUND_HZ.1, mains - AROUND_HZ.0)
+                .chain(bins(mains + AROUND_HZ.0, mains + AROUND_HZ.1))
+                .map(|bin| power[bin])
+                .collect();
+            let median = upper_median(&around)?;
+            let hz = peak as f64 * bin_hz;
+            (power[peak] > ratio() * median).then(|| MainsLine {
+                hz,
+                axis: lone_axis(axes, hz),
+            })
         })
-    });
-    lines.collect()
+        .collect()
 }
 
 /// Ratio of powers of [`HUM_RATIO_DB`].
@@ -83,8 +86,11 @@ fn ratio() -> f64 {
 fn lone_axis(axes: &[Vec<f64>], hz: f64) -> Option<usize> {
     let step = std::f64::consts::TAU * hz / f64::from(SAMPLE_RATE_HZ);
     let power = |axis: &Vec<f64>| {
-        let turned = (0u32..).zip(axis).map(|(n, x)| Complex::cis(step * f64::from(n)) * *x);
-        turned.sum::<Complex<f64>>().norm_sqr()
+        (0u32..)
+            .zip(axis)
+            .map(|(n, x)| Complex::cis(step * f64::from(n)) * *x)
+            .sum::<Complex<f64>>()
+            .norm_sqr()
     };
     let powers: Vec<f64> = axes.iter().map(power).collect();
     let (strongest, most) = (1..).zip(&powers).max_by(|a, b| a.1.total_cmp(b.1))?;
@@ -109,14 +115,18 @@ pub(super) fn confirmed_hum(trials: &[(f64, &[MainsLine])]) -> Vec<Option<MainsL
     let per_mm = trials
         .iter()
         .flat_map(|(speed, lines)| lines.iter().map(move |line| line.hz / speed));
-    let moving = per_mm.map(|per_mm| speeds(&|speed| per_mm * speed, SPEED_ERROR));
-    let moving = moving.max().unwrap_or(0);
+    let moving = per_mm
+        .map(|per_mm| speeds(&|speed| per_mm * speed, SPEED_ERROR))
+        .max()
+        .unwrap_or(0);
     let is_hum = |line: &&MainsLine| {
         let staying = speeds(&|_| line.hz, 0.0);
         staying >= moving && (all <= 2 || 2 * staying >= all)
     };
-    let confirmed = trials.iter().map(|(_, lines)| lines.iter().find(is_hum).copied());
-    confirmed.collect()
+    trials
+        .iter()
+        .map(|(_, lines)| lines.iter().find(is_hum).copied())
+        .collect()
 }
 
 /// Returns the number of different values.
@@ -136,8 +146,10 @@ mod tests {
     const ALL: Range<f64> = 0.0..f64::INFINITY;
 
     fn lines_of(signal: &[f64], held: &Range<f64>) -> Vec<f64> {
-        let lines = mains_lines(&PaddedSpectrum::of(signal, 400), &[signal.to_vec()], held);
-        lines.iter().map(|line| line.hz).collect()
+        mains_lines(&PaddedSpectrum::of(signal, 400), &[signal.to_vec()], held)
+            .iter()
+            .map(|line| line.hz)
+            .collect()
     }
 
     #[test]

@@ -342,7 +342,6 @@ mod tests {
             .enumerate()
             .map(|(n, x)| x * (n as f64 / 5000.0).exp())
             .collect();
-        let message = verdicts(&[ramp])[0].to_string();
-        holds(&message, &["from beginning to end"]);
+        holds(&verdicts(&[ramp])[0].to_string(), &["from beginning to end"]);
     }
 }

@@ -53,8 +53,7 @@ pub(super) fn scale(moments: &[Moments], account: &Account) -> Vec<Verdict> {
 /// Returns the fault of the level or the mean, in words.
 fn level(moments: &[Moments], has_scale: bool) -> Option<String> {
     let rms = moments.iter().map(|axis| axis.variance).sum::<f64>().sqrt();
-    let mean = moments.iter().map(|axis| axis.mean.powi(2)).sum::<f64>();
-    let mean = mean.sqrt();
+    let mean = moments.iter().map(|axis| axis.mean.powi(2)).sum::<f64>().sqrt();
     // The mean comes first, because gravity tells the unit, and an RMS does not.
     if mean > LARGE_MEAN_M_S2 {
         let alike = if has_scale { Vec::new() } else { units_of(mean) };
@@ -94,8 +93,9 @@ fn level(moments: &[Moments], has_scale: bool) -> Option<String> {
 
 /// Returns the units in which gravity is about `mean`, the nearest first.
 fn units_of(mean: f64) -> Vec<String> {
-    let counts = COUNT_BITS.map(|bits| 1u32 << bits);
-    let counts = counts.map(|count| (format!("g/{count}"), f64::from(count)));
+    let counts = COUNT_BITS
+        .map(|bits| 1u32 << bits)
+        .map(|count| (format!("g/{count}"), f64::from(count)));
     let named = UNITS.map(|(name, gravity)| (name.to_owned(), gravity));
     let off = |gravity: f64| (mean / gravity - 1.0).abs();
     let mut alike: Vec<(String, f64)> = named
@@ -144,8 +144,7 @@ mod tests {
             let unit_m_s2 = unit::scale(unit).unwrap();
             for offset in [0.93, 1.0, 1.09] {
                 for means in [&[0.5, 0.2, G * offset][..], &[G * offset]] {
-                    let told = found(means, 0.5, unit_m_s2, false).unwrap_or_default();
-                    holds(&told, &[word]);
+                    holds(&found(means, 0.5, unit_m_s2, false).unwrap_or_default(), &[word]);
                 }
             }
         }

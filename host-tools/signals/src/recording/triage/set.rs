@@ -53,8 +53,12 @@ pub fn all_verdicts(trials: &[Compared<'_>]) -> Vec<Vec<Verdict>> {
 /// Returns the verdicts on a trial alone. At rest, slow motion is left out, because there is nothing else to record.
 fn own_verdicts(trial: &Compared<'_>) -> Vec<Verdict> {
     let is_explained = |verdict: &&Verdict| trial.is_idle && verdict.kind() == Kind::Wandering;
-    let own = trial.verdicts.iter();
-    own.filter(|verdict| !is_explained(verdict)).cloned().collect()
+    trial
+        .verdicts
+        .iter()
+        .filter(|verdict| !is_explained(verdict))
+        .cloned()
+        .collect()
 }
 
 fn add_hum(trials: &[Compared<'_>], members: &[usize], verdicts: &mut [Vec<Verdict>]) {
@@ -138,8 +142,7 @@ mod tests {
     #[test]
     fn a_texture_that_nobody_feels_at_any_motion_has_a_doubtful_scale() {
         let told = |levels: &[f64], is_idle, has_scale| {
-            let found = of_levels(levels, is_idle, has_scale, &[]);
-            found
+            of_levels(levels, is_idle, has_scale, &[])
                 .iter()
                 .filter(|own| own.iter().any(|v| v.kind() == Kind::Scale))
                 .count()

@@ -115,9 +115,11 @@ fn of_times(samples: &Samples) -> Vec<Verdict> {
     }
     let (lost, all) = (counted(timing.lost, "sample"), timing.samples);
     let lost = format!("{lost} of {all} missing one by one, interpolated");
-    let gaps = timing.gaps.iter();
-    let gaps = gaps.map(|gap| span(gap.start_s, gap.seconds, SPIKE_REACH, length));
-    let mut gaps: Vec<Span> = gaps.collect();
+    let mut gaps: Vec<Span> = timing
+        .gaps
+        .iter()
+        .map(|gap| span(gap.start_s, gap.seconds, SPIKE_REACH, length))
+        .collect();
     // The margins may let neighbouring gaps overlap.
     gaps.dedup_by(|next, last| {
         let meets = next.start <= last.end;
@@ -149,12 +151,16 @@ fn span(start_s: f64, seconds: f64, margin: usize, length: usize) -> Span {
 /// verdict. They are in order of their starts.
 pub fn flaws(samples: &Samples, verdicts: &[Verdict]) -> Vec<Span> {
     let length = samples.axes.first().map_or(0, Vec::len);
-    let clips = samples.defects.clips.iter();
-    let clips = clips.map(|clip| span(clip.start_s, clip.seconds, SPIKE_REACH, length));
+    let clips = samples
+        .defects
+        .clips
+        .iter()
+        .map(|clip| span(clip.start_s, clip.seconds, SPIKE_REACH, length));
     let found = verdicts.iter().flat_map(|verdict| verdict.spans().iter().cloned());
     let is_resampled = (samples.source_rate_hz - f64::from(SAMPLE_RATE_HZ)).abs() > 0.0;
-    let ends = [0..END_REACH.min(length), length.saturating_sub(END_REACH)..length];
-    let ends = ends.into_iter().filter(|_| is_resampled);
+    let ends = [0..END_REACH.min(length), length.saturating_sub(END_REACH)..length]
+        .into_iter()
+        .filter(|_| is_resampled);
     let mut flaws: Vec<Span> = found.chain(clips).chain(ends).collect();
     flaws.sort_by_key(|flaw| flaw.start);
     flaws
@@ -166,8 +172,12 @@ fn of_defects(samples: &Samples) -> Vec<Verdict> {
     let length = samples.axes.first().map_or(0, Vec::len);
     let span = |start_s, seconds, margin| span(start_s, seconds, margin, length);
     let holds = |is_zero: bool| -> Vec<Span> {
-        let alike = defects.holds.iter().filter(|hold| hold.is_zero == is_zero);
-        alike.map(|hold| span(hold.start_s, hold.seconds, 0)).collect()
+        defects
+            .holds
+            .iter()
+            .filter(|hold| hold.is_zero == is_zero)
+            .map(|hold| span(hold.start_s, hold.seconds, 0))
+            .collect()
     };
     let mut verdicts = Vec::new();
     let shares = [

@@ -22,25 +22,28 @@ const AUDIBLE_DB: f64 = 50.0;
 pub(super) fn unlike_neighbours(trials: &[Compared<'_>], members: &[usize]) -> Vec<(usize, Verdict)> {
     let usable = |index: &&usize| !trials[**index].is_idle && !trials[**index].is_silent();
     let loud: Vec<&Compared<'_>> = members.iter().filter(usable).map(|i| &trials[*i]).collect();
-    let found = members.iter().filter(usable).filter_map(|&index| {
-        let own = &trials[index];
-        let line = || {
-            loud.iter()
-                .filter(|other| other.force_n.total_cmp(&own.force_n).is_eq())
-        };
-        let slower = line().filter(|other| other.speed_mm_s < own.speed_mm_s);
-        let faster = line().filter(|other| other.speed_mm_s > own.speed_mm_s);
-        let slower = slower.max_by(|a, b| a.speed_mm_s.total_cmp(&b.speed_mm_s))?;
-        let faster = faster.min_by(|a, b| a.speed_mm_s.total_cmp(&b.speed_mm_s))?;
-        let range = departure(own.bands_db, slower.bands_db, faster.bands_db)?;
-        let (low, high) = (range.off_db.0, range.off_db.1);
-        let words = format!(
-            "spectrum: {low:+.0} to {high:+.0} dB off both neighbours in speed, from {:.0} to {:.0} Hz",
-            range.hz.0, range.hz.1
-        );
-        Some((index, Verdict::new(Kind::Unlike, words)))
-    });
-    found.collect()
+    members
+        .iter()
+        .filter(usable)
+        .filter_map(|&index| {
+            let own = &trials[index];
+            let line = || {
+                loud.iter()
+                    .filter(|other| other.force_n.total_cmp(&own.force_n).is_eq())
+            };
+            let slower = line().filter(|other| other.speed_mm_s < own.speed_mm_s);
+            let faster = line().filter(|other| other.speed_mm_s > own.speed_mm_s);
+            let slower = slower.max_by(|a, b| a.speed_mm_s.total_cmp(&b.speed_mm_s))?;
+            let faster = faster.min_by(|a, b| a.speed_mm_s.total_cmp(&b.speed_mm_s))?;
+            let range = departure(own.bands_db, slower.bands_db, faster.bands_db)?;
+            let (low, high) = (range.off_db.0, range.off_db.1);
+            let words = format!(
+                "spectrum: {low:+.0} to {high:+.0} dB off both neighbours in speed, from {:.0} to {:.0} Hz",
+                range.hz.0, range.hz.1
+            );
+            Some((index, Verdict::new(Kind::Unlike, words)))
+        })
+        .collect()
 }
 
 /// Range of bands in which a trial deviates from both neighbours.
@@ -55,8 +58,10 @@ struct Departure {
 /// that all three recordings cover, or includes all of them.
 fn departure(own: &[(f64, f64)], slower: &[(f64, f64)], faster: &[(f64, f64)]) -> Option<Departure> {
     let level = |bands: &[(f64, f64)], hz: f64| {
-        let found = bands.iter().find(|(centre, _)| centre.total_cmp(&hz).is_eq());
-        found.map(|(_, db)| *db)
+        bands
+            .iter()
+            .find(|(centre, _)| centre.total_cmp(&hz).is_eq())
+            .map(|(_, db)| *db)
     };
     let strongest = |bands: &[(f64, f64)]| bands.iter().map(|b| b.1).fold(f64::MIN, f64::max);
     let audible = strongest(slower).min(strongest(faster)) - AUDIBLE_DB;
@@ -85,8 +90,7 @@ fn departure(own: &[(f64, f64)], slower: &[(f64, f64)], faster: &[(f64, f64)]) -
     let down = run(off.first(), &mut off.iter());
     let longest = up.into_iter().chain(down).max_by_key(Vec::len)?;
     let ends = |of: fn(&(f64, f64)) -> f64| {
-        let values = longest.iter().map(of);
-        values.fold((f64::MAX, f64::MIN), |(low, high), value| {
+        longest.iter().map(of).fold((f64::MAX, f64::MIN), |(low, high), value| {
             (low.min(value), high.max(value))
         })
     };

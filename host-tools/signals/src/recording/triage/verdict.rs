@@ -143,8 +143,10 @@ impl Verdict {
     /// out, or else a number in its words, negative where less is worse; 0 for kinds whose words have no size.
     pub fn size(&self) -> f64 {
         let is_of_number = |c: char| c.is_ascii_digit() || c == '.';
-        let words = self.finding.split(|c| !is_of_number(c));
-        let mut numbers = words.filter_map(|word| word.parse().ok());
+        let mut numbers = self
+            .finding
+            .split(|c| !is_of_number(c))
+            .filter_map(|word| word.parse().ok());
         let first = numbers.next().unwrap_or(0.0);
         match self.kind {
             _ if !self.spans.is_empty() => self.spans.iter().map(ExactSizeIterator::len).sum::<usize>() as f64,

@@ -1,7 +1,7 @@
 //! Checks of rig files: values in and out of range.
 
 use super::*;
-use test_helpers::holds;
+use test_helpers::{holds, near};
 
 /// A rig file with every section. Each test changes one line.
 const WHOLE: &str = r#"name = "test"
@@ -83,7 +83,7 @@ fn a_whole_rig_is_read_with_its_defaults() {
     let description = read(WHOLE).unwrap();
     assert_eq!(description.textures.len(), 2);
     let range_m_s2 = description.measurement.clipping.unwrap().range_m_s2();
-    assert!((range_m_s2 - 49.033_25).abs() < 1e-12);
+    near(range_m_s2, 49.033_25, 1e-12);
     assert_eq!(description.textures[0].roughness, None);
 }
 
@@ -135,8 +135,7 @@ fn a_value_out_of_its_range_is_an_error_that_names_line_and_field() {
     let message = read(&WHOLE.replacen("forces_n = [0.0, 1.0]", &many, 1)).unwrap_err();
     assert!(message.to_string().contains("1 to 64 entries, but has 65"), "{message}");
     let (head, _) = WHOLE.split_once("[[texture]]").unwrap();
-    let message = read(&head.replacen("[recording]", "texture = []\n\n[recording]", 1));
-    let message = message.unwrap_err();
+    let message = read(&head.replacen("[recording]", "texture = []\n\n[recording]", 1)).unwrap_err();
     holds(&message, &["line 3: texture: must have 1 to 256"]);
 }
 

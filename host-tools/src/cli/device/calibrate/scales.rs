@@ -44,8 +44,10 @@ pub struct ScalesReport {
 
 impl ScalesReport {
     pub fn changes(&self) -> impl Iterator<Item = SettingChange> {
-        let force = self.force.iter().flat_map(ForceScale::changes);
-        force.chain(self.path.iter().map(PathScale::change))
+        self.force
+            .iter()
+            .flat_map(ForceScale::changes)
+            .chain(self.path.iter().map(PathScale::change))
     }
 }
 

@@ -119,16 +119,21 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let device = arguments.link.connect()?;
     let interrupt = Interrupt::listen()?;
     let before = device.status()?;
-    let library = arguments.library.as_deref();
-    let library = library.map(|path| LibraryFile::read(path, &before)).transpose()?;
+    let library = arguments
+        .library
+        .as_deref()
+        .map(|path| LibraryFile::read(path, &before))
+        .transpose()?;
     let mut heard = PlayCounts::since(&before);
     device.play(&request)?;
     let (played, fastest_mm_s) = keep_playing(&device, &plan, interrupt, &mut heard);
     let (driven, status) = stop(&device, played)?;
     let known = library.as_ref().zip(plan.motion.as_ref());
     // Only now it is known for how long the play lasted.
-    let expected = known.map(|(library, motion)| library.level(&request, motion, driven.seconds));
-    let expected = expected.transpose()?.flatten();
+    let expected = known
+        .map(|(library, motion)| library.level(&request, motion, driven.seconds))
+        .transpose()?
+        .flatten();
     let failure = heard.failure(&driven);
     let limited = limited(&before.output, &status);
     warn_of_limits(limited);

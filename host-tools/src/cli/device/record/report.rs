@@ -160,8 +160,9 @@ fn verdicts(analysis: &Analysis, point: &PlannedTrial, level: &Level) -> Vec<Str
         )];
     }
     let is_rest = point.speed_mm_s <= 0.0 || point.force_n <= 0.0;
-    let triage = analysis.verdicts.iter();
-    let mut verdicts: Vec<String> = triage
+    let mut verdicts: Vec<String> = analysis
+        .verdicts
+        .iter()
         // At rest or without contact a surface is silent, as it should be.
         .filter(|verdict| !(is_rest && verdict.name() == "silent"))
         .map(ToString::to_string)

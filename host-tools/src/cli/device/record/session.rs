@@ -1,8 +1,7 @@
 //! One session of `stylus record`: each trial is recorded until the operator is satisfied.
 
 use std::io::BufRead;
-use std::sync::mpsc;
-use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::thread;
 use std::time::Duration;
 

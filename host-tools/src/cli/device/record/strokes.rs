@@ -35,8 +35,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let bar = progress::bar(100, "recording; Ctrl-C ends it");
     let heard = |samples: &[Option<RecordSample>], wanted: usize, rate_hz: u32| {
         // The newest ones, in their order. Those that were lost count as time.
-        let recent = samples.iter().rev().take(LIVE_SAMPLES).rev().flatten();
-        let recent: Vec<RecordSample> = recent.copied().collect();
+        let recent: Vec<RecordSample> = samples
+            .iter()
+            .rev()
+            .take(LIVE_SAMPLES)
+            .rev()
+            .flatten()
+            .copied()
+            .collect();
         let level = Level::of(&recent, &calibration, f64::from(rate_hz));
         bar.set_message(live(&level));
         bar.set_position((samples.len() * 100 / wanted) as u64);

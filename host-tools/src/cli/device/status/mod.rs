@@ -384,8 +384,11 @@ pub fn output(output: &OutputStatus) -> String {
 }
 
 fn mutes(output: &OutputStatus) -> String {
-    let counts = MuteReason::ALL.iter().zip(output.mute_counts);
-    let words: Vec<String> = counts.map(|(reason, count)| format!("{reason} {count} x")).collect();
+    let words: Vec<String> = MuteReason::ALL
+        .iter()
+        .zip(output.mute_counts)
+        .map(|(reason, count)| format!("{reason} {count} x"))
+        .collect();
     words.join(", ")
 }
 

@@ -60,12 +60,14 @@ fn drawn(world: &mut World) -> &'static Operation {
     let shares = OPERATIONS.iter().map(|(_, share, _)| share).sum();
     // Each operation takes a stretch of the numbers as long as its share.
     let mut left = world.below(shares);
-    let drawn = OPERATIONS.iter().find(|(_, share, _)| {
-        let is_drawn = left < *share;
-        left = left.saturating_sub(*share);
-        is_drawn
-    });
-    drawn.expect("the shares are all")
+    OPERATIONS
+        .iter()
+        .find(|(_, share, _)| {
+            let is_drawn = left < *share;
+            left = left.saturating_sub(*share);
+            is_drawn
+        })
+        .expect("the shares are all")
 }
 
 /// Prints how often each thing was done so far, and the marks.
@@ -77,8 +79,11 @@ fn tell(world: &World, told: &FailureReport, begun: Instant) {
         told.now_s,
         begun.elapsed().as_secs()
     );
-    let of_all = OPERATIONS.iter().map(|(name, ..)| *name);
-    for name in of_all.chain([LINKS_BROKEN, CUT_AT_OPERATION, ROLLED_BACK, RESETS]) {
+    for name in OPERATIONS
+        .iter()
+        .map(|(name, ..)| *name)
+        .chain([LINKS_BROKEN, CUT_AT_OPERATION, ROLLED_BACK, RESETS])
+    {
         println!("{:>11} {name}", world.done.get(name).unwrap_or(&0));
     }
     world.tell_figures();

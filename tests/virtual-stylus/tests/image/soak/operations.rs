@@ -141,8 +141,10 @@ fn break_off(world: &mut World) {
     let end = world.below(library.len() as u64) as usize;
     world.device.send_chunks(&library, progress, end);
     if world.once_in(2) {
-        let aborted = world.device.request::<UploadAbortEndpoint>(&());
-        aborted.expect("one is under way");
+        world
+            .device
+            .request::<UploadAbortEndpoint>(&())
+            .expect("one is under way");
     }
     assert_eq!(world.slots().0, active);
 }

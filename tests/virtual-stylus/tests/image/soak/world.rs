@@ -323,8 +323,12 @@ impl World {
         let known = self.libraries.iter().find(|known| known.crc32 == active);
         let count = known.expect("it was uploaded").selections.len() as u64;
         let index = self.below(count) as usize;
-        let known = self.libraries.iter().find(|known| known.crc32 == active);
-        known.expect("as above").selections[index].clone()
+        self.libraries
+            .iter()
+            .find(|known| known.crc32 == active)
+            .expect("as above")
+            .selections[index]
+            .clone()
     }
 
     /// Makes the host with the turn play something. Returns false if it was refused, and checks that it had to be.
@@ -496,9 +500,12 @@ impl World {
             counts.extend([status.usb, status.serial].map(|link| link.frames));
             counts
         };
-        let pairs = counts(last).into_iter().zip(counts(status));
         assert!(
-            pairs.into_iter().all(|(before, now)| before <= now),
+            counts(last)
+                .into_iter()
+                .zip(counts(status))
+                .into_iter()
+                .all(|(before, now)| before <= now),
             "{last:?}, then {status:?}"
         );
     }

@@ -225,8 +225,12 @@ fn is_area(register: u32) -> bool {
 
 /// Number of areas of the flash that are protected from reading, or secure.
 fn protected_areas(values: &OptionByteValues) -> u64 {
-    let areas = values.read_protected.iter().chain(&values.secure);
-    areas.filter(|&&area| is_area(area)).count() as u64
+    values
+        .read_protected
+        .iter()
+        .chain(&values.secure)
+        .filter(|&&area| is_area(area))
+        .count() as u64
 }
 
 /// Level of the read protection in `FLASH_OPTSR`.

@@ -46,8 +46,10 @@ fn tone(signal: &[f64], hz: f64, rate_hz: f64) -> f64 {
 
 /// RMS of the harmonics of a mains of `hz`.
 fn hum(signal: &[f64], hz: f64, rate_hz: f64) -> f64 {
-    let powers = (1..=HARMONICS).map(|n| tone(signal, f64::from(n) * hz, rate_hz).powi(2));
-    powers.sum::<f64>().sqrt()
+    (1..=HARMONICS)
+        .map(|n| tone(signal, f64::from(n) * hz, rate_hz).powi(2))
+        .sum::<f64>()
+        .sqrt()
 }
 
 /// Judges one sensor by its codes. The last argument has their scale, its unit, and the index of the sensor's limits.

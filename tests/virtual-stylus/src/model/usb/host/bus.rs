@@ -193,8 +193,11 @@ impl Host {
 
     /// The pipe whose turn comes next.
     fn next_pipe(&self) -> Option<Pipe> {
-        let after = self.queue.keys().find(|pipe| Some(**pipe) > self.turn);
-        after.or_else(|| self.queue.keys().next()).copied()
+        self.queue
+            .keys()
+            .find(|pipe| Some(**pipe) > self.turn)
+            .or_else(|| self.queue.keys().next())
+            .copied()
     }
 }
 
