@@ -54,7 +54,7 @@ pub(super) const HARMONICS: u32 = 8;
 
 /// One trial as the search sees it.
 #[derive(Clone)]
-pub(super) struct Heard<'s> {
+pub(super) struct SearchedTrial<'s> {
     /// Speed of the trial as listed, mm/s.
     pub speed_mm_s: f64,
     /// Ratio of the trial's actual speed to the listed one, once a line has given it.
@@ -67,7 +67,7 @@ pub(super) struct Heard<'s> {
     floor: f64,
 }
 
-impl<'s> Heard<'s> {
+impl<'s> SearchedTrial<'s> {
     /// Analyses `signal`; `None` if it is too short or silent.
     pub(super) fn of(speed_mm_s: f64, signal: &'s [f64]) -> Option<Self> {
         let spectrum = LineSpectrum::of(signal)?;
@@ -188,7 +188,7 @@ impl Support {
 
 /// The search over the trials of one texture.
 pub(super) struct Search<'s> {
-    pub trials: Vec<Heard<'s>>,
+    pub trials: Vec<SearchedTrial<'s>>,
     /// Relative error of a listed speed.
     pub speed_tolerance: f64,
     /// Number of lines after which the search ends.

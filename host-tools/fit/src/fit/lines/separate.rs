@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::findings::{Findings, Line, NoLines, TrialLines};
 use super::peaks::{LineSpectrum, tells_lines};
-use super::search::{Found, HIGHEST_HZ, Heard, LEAST_SPEED_RATIO, Search};
+use super::search::{Found, HIGHEST_HZ, LEAST_SPEED_RATIO, Search, SearchedTrial};
 use super::track::{amplitudes, followed, steady, subtract, wave_at};
 use super::wander::{Course, Weave, find};
 use crate::dsp::fourier::Complex;
@@ -228,18 +228,18 @@ fn without(signal: &mut [f64], course: Option<&Course>, weave: &Weave) -> Vec<Op
 }
 
 /// Returns the trials that are searched for lines, with their indices.
-fn heard<'s>(speeds_mm_s: &[f64], signals: &'s [Vec<f64>]) -> Vec<(usize, Heard<'s>)> {
+fn heard<'s>(speeds_mm_s: &[f64], signals: &'s [Vec<f64>]) -> Vec<(usize, SearchedTrial<'s>)> {
     let pairs: Vec<_> = speeds_mm_s.iter().zip(signals).enumerate().collect();
     pairs
         .into_par_iter()
         .filter(|(_, (speed, _))| **speed > 0.0)
-        .filter_map(|(index, (speed, signal))| Some((index, Heard::of(*speed, signal)?)))
+        .filter_map(|(index, (speed, signal))| Some((index, SearchedTrial::of(*speed, signal)?)))
         .collect()
 }
 
 /// Returns the lines found in the trials, and the frequencies that stay the same.
-fn search(heard: Vec<(usize, Heard<'_>)>, speed_tolerance: f64) -> (Vec<Known>, Vec<f64>) {
-    let (indices, trials): (Vec<usize>, Vec<Heard>) = heard.into_iter().unzip();
+fn search(heard: Vec<(usize, SearchedTrial<'_>)>, speed_tolerance: f64) -> (Vec<Known>, Vec<f64>) {
+    let (indices, trials): (Vec<usize>, Vec<SearchedTrial>) = heard.into_iter().unzip();
     let search = Search {
         trials,
         speed_tolerance,
