@@ -26,8 +26,10 @@ const QUIET_PARTS: usize = 20;
 /// Number of parts at an end of a quiet run, inside the trial, in which a hand may start or end: 0.1 s.
 const QUIET_ENDS: usize = 5;
 
-/// Least number of parts between these ends that must be steady: 0.2 s.
-const STEADY_PARTS: usize = 10;
+/// Least number of parts between these ends that must be steady where they are this far below the loud parts: 0.2 s and
+/// dB. The noise between scratches that are 16 dB louder may be steady for as long.
+const DEEP_PARTS: usize = 10;
+const DEEP_DB: f64 = 25.0;
 
 /// Largest standard deviation of the levels of the sensor's noise, dB. For parts of 100 samples of white noise it is
 /// 0.6 dB.
@@ -121,7 +123,11 @@ fn silent_spans(axes: &[Vec<f64>], samples: usize) -> Vec<Span> {
         } else {
             run.end
         };
-        let is_steady = |part: Span| part.len() >= STEADY_PARTS && spread(&levels[part]) < QUIET_SPREAD_DB;
+        let is_steady = |part: Span| {
+            let is_deep = levels[part.clone()].iter().all(|level| *level < loud - DEEP_DB);
+            let least = if is_deep { DEEP_PARTS } else { QUIET_PARTS };
+            part.len() >= least && spread(&levels[part]) < QUIET_SPREAD_DB
+        };
         if is_steady(run.clone()) || is_steady(start..end) {
             spans.push(run);
         }
