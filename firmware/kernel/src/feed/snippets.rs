@@ -6,9 +6,9 @@
 //! longer than a snippet is played as it was recorded. After the codebook's end follows its beginning.
 //!
 //! A pass of a codebook plays each of its eight parts once, in a random order, and each pass divides it at other
-//! places. Nothing comes twice before all was played, and a hand that stays at one speed and force feels no period. A
-//! part is not faded in. The excitation is white, and a joint of white noise is none: the filter's ringing makes the
-//! transition.
+//! places. Nothing comes twice before all was played. In one order, a motion at one speed and force would repeat itself
+//! at the distance of a codebook. A part is not faded in. The excitation is white, and a joint of white noise is none:
+//! the filter's ringing makes the transition.
 
 use model_format::limits::MAX_CODEBOOKS;
 use model_format::{Codebook, Excitation as Codebooks, SHARE_FRACTION_BITS};

@@ -85,12 +85,7 @@ class Page {
     return this.last;
   }
 
-  // Shows { action, done, total }, or that nothing is going on.
   progress(progress) {
-    // The browser lays out the whole table for each step, so that ten per second at most are shown.
-    const isSoon = performance.now() - (this.shownAt ?? 0) < 100;
-    if (progress?.done > 0 && isSoon) return;
-    this.shownAt = performance.now();
     byId("progress-row").hidden = byId("cancel").hidden = !progress;
     if (!progress) return;
     byId("progress-text").textContent = progress.action;

@@ -179,7 +179,7 @@ fn without_repeated(axes: &mut Vec<Vec<f64>>) -> Option<String> {
     axes.retain(|_| kept.next() == Some(true));
     (count > 0).then(|| {
         format!(
-            "{} of the same samples as channel 1 left out",
+            "{} of the same samples as channel 1, inverted or not, left out",
             counted(count, "channel")
         )
     })

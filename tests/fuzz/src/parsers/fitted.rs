@@ -159,14 +159,8 @@ pub fn hatt(input: &[u8]) {
     };
     let toolkit = &sources[0].toolkit;
     assert!(!toolkit.models.is_empty());
-    assert!(
-        toolkit
-            .triangles
-            .iter()
-            .flatten()
-            .into_iter()
-            .all(|&corner| corner < toolkit.models.len())
-    );
+    let mut corners = toolkit.triangles.iter().flatten();
+    assert!(corners.all(|&corner| corner < toolkit.models.len()));
     for model in &toolkit.models {
         assert!(model.speed_mm_s.is_finite() && model.force_n.is_finite());
     }

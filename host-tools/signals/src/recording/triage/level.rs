@@ -26,10 +26,12 @@ const QUIET_PARTS: usize = 20;
 /// Number of parts at an end of a quiet run, inside the trial, in which a hand may start or end: 0.1 s.
 const QUIET_ENDS: usize = 5;
 
-/// Least number of parts between these ends that must be steady where they are this far below the loud parts: 0.2 s and
-/// dB. The noise between scratches that are 16 dB louder may be steady for as long.
-const DEEP_PARTS: usize = 10;
+/// How far below the loud parts fewer parts are enough, dB. Between scratches, noise that is 16 dB below them may be
+/// steady for as long.
 const DEEP_DB: f64 = 25.0;
+
+/// Least number of parts of only the sensor's noise that are so far below, between these ends: 0.2 s.
+const DEEP_PARTS: usize = 10;
 
 /// Largest standard deviation of the levels of the sensor's noise, dB. For parts of 100 samples of white noise it is
 /// 0.6 dB.
