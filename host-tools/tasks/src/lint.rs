@@ -1,4 +1,4 @@
-//! Runs Clippy on the code that is built for the target, except the probe image of `tests/virtual-stylus`.
+//! Runs Clippy on the code that is built for the target, except the probe image of `host-tools/virtual-stylus`.
 
 use anyhow::Result;
 use stylus_board::ALL;

@@ -1,5 +1,5 @@
 //! Long simulated use on the virtual stylus: two hosts act at random for hours of the device's time, with random
-//! faults. The test is `tests/virtual-stylus/tests/image/soak`.
+//! faults. The test is `tests/image/soak`.
 
 use std::hash::{BuildHasher, RandomState};
 use std::time::Duration;

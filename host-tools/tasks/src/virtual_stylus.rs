@@ -1,4 +1,4 @@
-//! The virtual stylus: `tests/virtual-stylus`, a separate workspace.
+//! The virtual stylus: `host-tools/virtual-stylus`, a separate workspace.
 //!
 //! The emulator's manifest requires a newer compiler than the product's, but the emulator builds and runs with the
 //! product's. Cargo needs `--ignore-rust-version` for that.
@@ -22,7 +22,7 @@ use crate::{lint, process, tables, workspace};
 const FIRST_BUILD: &str = "four minutes";
 
 fn folder() -> PathBuf {
-    workspace::root().join("tests/virtual-stylus")
+    workspace::root().join("host-tools/virtual-stylus")
 }
 
 /// Returns the folder of the virtual stylus's builds. It is not the folder of the product's own builds, because a build

@@ -18,7 +18,7 @@ mod link;
 mod marks;
 mod output;
 /// Access to the generated blocks of a page; the source file belongs to the tasks.
-#[path = "../../../../host-tools/tasks/src/tables/page.rs"]
+#[path = "../../host-tools/tasks/src/tables/page.rs"]
 mod page;
 mod play;
 mod probe;
