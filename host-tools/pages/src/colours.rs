@@ -129,7 +129,7 @@ fn style_of(pairs: impl Iterator<Item = (RGBColor, RGBColor)>, others: &str) -> 
     )
 }
 
-/// Returns the dark replacement of `light`, or `light` itself if [`DARK`] has none.
+/// Returns the dark replacement of `light`, or `light` itself if there is none.
 pub fn in_the_dark(light: RGBColor) -> RGBColor {
     let pair = DARK.iter().find(|pair| pair.0 == light);
     pair.map_or(light, |pair| pair.1)

@@ -24,13 +24,16 @@ use crate::error::refused;
 /// A text that is no choice, with those that are.
 pub fn choice<T: ValueEnum>(name: &str, text: &str) -> PyResult<T> {
     T::from_str(text, false).map_err(|_| {
-        let all: Vec<String> = T::value_variants()
-            .iter()
-            .filter_map(ValueEnum::to_possible_value)
-            .map(|value| format!("'{}'", value.get_name()))
-            .collect();
-        refused(format!("{name} is '{text}': it must be {}", all.join(", ")))
+        let values = T::value_variants().iter().filter_map(ValueEnum::to_possible_value);
+        let all: Vec<String> = values.map(|value| value.get_name().to_owned()).collect();
+        refused(format!("{name} is '{text}': it must be {}", quoted(&all)))
     })
+}
+
+/// Names of choices in a sentence.
+pub fn quoted(choices: &[String]) -> String {
+    let all: Vec<String> = choices.iter().map(|choice| format!("'{choice}'")).collect();
+    all.join(", ")
 }
 
 /// The conditioning of recordings, by the names of the command's options.

@@ -4,12 +4,13 @@ use std::path::PathBuf;
 
 use host_tools::fit::hatt::convert::far_nodes;
 use host_tools::fit::hatt::import::{ImportReport, Options, files, import, plan, read_all};
-use model_format::SAMPLE_RATE_HZ;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
 use crate::convert::{Several, made, plain};
 use crate::error::{raised, warn};
 use crate::library::Library;
+use crate::options::of_keywords;
 use crate::work;
 
 /// One path, or several.
@@ -33,25 +34,16 @@ impl Paths {
 
 /// Converts HaTT's model files, or folders of them, as `stylus import-hatt` does.
 ///
-/// `speeds` and `forces` are the most of a grid, as many as the slot has room for if None; `model_rate_hz` is 5000 or
-/// 10000. `progress(done, total)` counts files.
+/// `progress(done, total)` counts files. Options:
 #[pyfunction]
-#[pyo3(signature = (
-    paths, *, speeds = None, forces = None, model_rate_hz = SAMPLE_RATE_HZ, progress = None
-), text_signature = "(paths, *, speeds=None, forces=None, model_rate_hz=5000, progress=None)")]
+#[pyo3(signature = (paths, *, progress = None, **options))]
 pub fn import_hatt<'py>(
     py: Python<'py>,
     paths: Paths,
-    speeds: Option<usize>,
-    forces: Option<usize>,
-    model_rate_hz: u32,
     progress: Option<&Bound<'py, PyAny>>,
+    options: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let options = Options {
-        speeds,
-        forces,
-        sample_rate_hz: model_rate_hz,
-    };
+    let options: Options = of_keywords(options, &[])?;
     let files = files(&paths.all()).map_err(raised)?;
     let total = files.len() as u64;
     let (bytes, warnings, reports) = work::run(py, total, progress, move |steps| {

@@ -11,6 +11,7 @@
 //! | `convert` | arrays, paths and choices |
 //! | `recording` | recordings from arrays and files, and sets of them; simulated ones |
 //! | `fitting`, `evaluating` | fits, their evaluation, and the pages that show both |
+//! | `options` | the command's options as keywords |
 //! | `library`, `texture` | libraries, their textures and nodes |
 //! | `motion`, `rendering` | motions, and what the stylus plays along them |
 //! | `scene` | scenes: costed and rendered |
@@ -34,6 +35,7 @@ mod fitting;
 mod hatt;
 mod library;
 mod motion;
+mod options;
 mod player;
 mod playing;
 mod recording;
@@ -53,10 +55,6 @@ mod native {
     #[pymodule_export]
     use crate::evaluating::{compare, evaluate, page, read_answers, score};
     #[pymodule_export]
-    use crate::fitting::{fit, fit_strokes};
-    #[pymodule_export]
-    use crate::hatt::import_hatt;
-    #[pymodule_export]
     use crate::library::Library;
     #[pymodule_export]
     use crate::motion::Motion;
@@ -72,12 +70,25 @@ mod native {
     use crate::scene::Scene;
 
     use super::error;
+    use super::fitting::{OF_TRIALS, fit, fit_strokes};
+    use super::hatt::import_hatt;
+    use super::options::described;
+    use host_tools::fit::{Options, hatt};
     use pyo3::prelude::*;
 
-    /// Adds the exceptions, and the version of the package.
+    /// Adds the functions whose options are described elsewhere, the exceptions, and the version of the package.
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         error::add_to(module)?;
+        module.add("fit", described::<Options>(wrap_pyfunction!(fit, module)?, &[])?)?;
+        module.add(
+            "fit_strokes",
+            described::<Options>(wrap_pyfunction!(fit_strokes, module)?, &OF_TRIALS)?,
+        )?;
+        module.add(
+            "import_hatt",
+            described::<hatt::import::Options>(wrap_pyfunction!(import_hatt, module)?, &[])?,
+        )?;
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
         module.add("SAMPLE_RATE_HZ", model_format::SAMPLE_RATE_HZ)
     }

@@ -74,7 +74,14 @@ pub struct Temporary {
 impl Temporary {
     /// Creates a file in `folder` with these permissions, or with those of an ordinary file. The process's umask
     /// restricts them further.
-    #[cfg_attr(not(unix), expect(unused_variables, reason = "permissions are those of the folder"))]
+    #[cfg_attr(
+        not(unix),
+        expect(
+            unused_variables,
+            clippy::needless_pass_by_value,
+            reason = "permissions are those of the folder"
+        )
+    )]
     pub fn file_in(folder: &Path, permissions: Option<fs::Permissions>) -> io::Result<(Self, File)> {
         let builder = &mut tempfile::Builder::new();
         // By default, only its owner could open a temporary file.

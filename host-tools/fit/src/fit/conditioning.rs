@@ -72,7 +72,7 @@ impl fmt::Display for HighPass {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, clap::Args)]
 pub struct Conditioning {
     /// Reduction from three axes to one; give the same to every command that reads one set
-    #[arg(long = "reduce", value_enum, default_value = "pca")]
+    #[arg(id = "reduce", long, value_enum, default_value = "pca")]
     pub reduction: Reduction,
     /// Cut-off of a high-pass filter before the reduction, Hz; 'none' keeps the motion of the hand; 'auto' takes 20 Hz
     /// where more than 5 % of the power is below 10 Hz

@@ -133,7 +133,7 @@ pub struct Options {
     #[arg(long, value_name = "SHARE|clear|auto|none", default_value_t)]
     pub snap: Snap,
     /// Sample rate of the models, Hz: 5000, or 10000 from recordings of that rate or above
-    #[arg(id = "model_rate", long = "model-rate", value_name = "HZ", default_value_t = SAMPLE_RATE_HZ)]
+    #[arg(id = "model_rate_hz", long = "model-rate", value_name = "HZ", default_value_t = SAMPLE_RATE_HZ)]
     pub sample_rate_hz: u32,
 }
 

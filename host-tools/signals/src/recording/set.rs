@@ -323,7 +323,7 @@ struct Columns(HashMap<&'static str, usize>);
 /// Largest number of trials in a list: ten times those of a large laboratory, at about 1 kB of memory each.
 pub const MOST_TRIALS: usize = 100_000;
 
-/// Columns of a list. The first [`REQUIRED`] must be there.
+/// Columns of a list. The first four must be there.
 pub const LIST_COLUMNS: [&str; 11] = [
     "file",
     "texture",

@@ -44,7 +44,7 @@ pub struct Options {
     #[arg(long)]
     pub forces: Option<usize>,
     /// Sample rate of the textures, Hz: 5000, or 10000 from models of that rate
-    #[arg(id = "model_rate", long = "model-rate", value_name = "HZ", default_value_t = SAMPLE_RATE_HZ)]
+    #[arg(id = "model_rate_hz", long = "model-rate", value_name = "HZ", default_value_t = SAMPLE_RATE_HZ)]
     pub sample_rate_hz: u32,
 }
 
