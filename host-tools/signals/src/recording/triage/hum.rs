@@ -47,7 +47,7 @@ impl fmt::Display for MainsLine {
 /// Returns the mains lines in the spectrum of a trial that was reduced from `axes` and holds the band `held`, Hz. At
 /// the edges of that band, the spectrum falls as beside a line.
 ///
-/// At one speed, a line of the texture can coincide with a mains frequency; trials at several speeds tell the two apart.
+/// At one speed, a line of the texture can coincide with a mains frequency; trials at other speeds tell the two apart.
 pub fn mains_lines(spectrum: &PaddedSpectrum, axes: &[Vec<f64>], held: &Range<f64>) -> Vec<MainsLine> {
     let bin_hz = f64::from(SAMPLE_RATE_HZ) / spectrum.transform_length as f64;
     let power = &spectrum.power;
