@@ -115,7 +115,8 @@ fn whole() -> clap::Command {
 /// Runs the command on the process's command line.
 pub fn run() -> ExitCode {
     let mut command = whole();
-    let parsed = command.try_get_matches_from_mut(std::env::args_os());
+    // On Windows a command gets patterns such as *.csv as they were typed. Elsewhere the shell has replaced them.
+    let parsed = command.try_get_matches_from_mut(wild::args_os());
     let arguments = match parsed.and_then(|matches| {
         // Only clap's matches tell which values are paths, whatever the command.
         files::remember_inputs(&command, &matches);
