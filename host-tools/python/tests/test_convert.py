@@ -457,3 +457,12 @@ def test_converted_files_are_fitted_by_the_command_as_the_samples_are(command, t
         fits.append((tmp_path / f"{wav}.lib").read_bytes())
     own = sh.fit([sh.Recording(samples, RATE_HZ, texture="felt")])
     assert fits[0] == fits[1] == bytes(own.library)
+
+
+def test_a_pattern_that_no_shell_has_replaced_stands_for_its_files(tmp_path):
+    for name in ("take1.npy", "take2.npy", "take[1].npy"):
+        np.save(tmp_path / name, noise(2000, 3))
+    assert main([str(tmp_path / "take?.npy"), "--rate", "5000", "--unit", "g", "--out", str(tmp_path / "out")]) == 0
+    assert sorted(file.name for file in (tmp_path / "out").glob("*.csv")) == ["take1.csv", "take2.csv", "trials.csv"]
+    assert main([str(tmp_path / "take[1].npy"), "--rate", "5000", "--unit", "g", "--out", str(tmp_path / "one")]) == 0
+    assert [file.name for file in (tmp_path / "one").glob("*.csv")] == ["take_1.csv"]

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import argparse
+import glob
 import io
+import os
 import sys
 from typing import Optional, Sequence
 
 from . import convert, tree
 from .tree import Refusal
+
+
+def _behind(name: str) -> list[str]:
+    """The files behind a pattern, which shells of Windows leave to the command; any other name as it is."""
+    return [name] if os.path.lexists(name) else sorted(glob.glob(name)) or [name]
 
 
 def main(arguments: Optional[Sequence[str]] = None) -> int:
@@ -35,7 +42,8 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
         # Names in files have signs that a terminal's code page may lack.
         sys.stdout.reconfigure(errors="replace")
     try:
-        print(convert(**vars(told.parse_args(arguments))))
+        given = vars(told.parse_args(arguments))
+        print(convert(**given | {"files": [file for name in given["files"] for file in _behind(name)]}))
     except (Refusal, OSError) as fault:
         print(f"stylus-convert: {fault}", file=sys.stderr)
         return 2
