@@ -251,8 +251,8 @@ pub fn cycles_to_tick() -> u32 {
 /// Turns the amplifier off and sets the output to mid-scale, whatever state the program is in and whatever the timer
 /// and DMA do later.
 ///
-/// While the trigger is off, the holding register goes to the output one bus cycle after it is written (RM0433 section
-/// 26.4.6).
+/// While the trigger is off, the holding register goes to the output one bus cycle after it is written, and when the
+/// trigger is switched off, what was held goes there (RM0433 section 26.4.6).
 #[inline(always)]
 pub fn mid_scale_now() {
     amplifier::off_now();
@@ -268,8 +268,12 @@ pub fn mid_scale_now() {
             break;
         }
     }
+    let hold_mid_scale = || DAC1.dhr12r(CHANNEL).write(|w| w.set_dhr(DacCode::MID_SCALE.get()));
+    // First, or the next code, which DMA has fetched, would be put out before its time.
+    hold_mid_scale();
     DAC1.cr().modify(|w| w.set_ten(CHANNEL, false));
-    DAC1.dhr12r(CHANNEL).write(|w| w.set_dhr(DacCode::MID_SCALE.get()));
+    // Once more, for a transfer that lasted longer than it was waited for.
+    hold_mid_scale();
 }
 
 /// Returns true if `code` is at the converter's output.
