@@ -19,10 +19,10 @@
 mod bound;
 mod codebook;
 mod evidence;
+mod known_band;
 mod loudness;
 #[cfg(test)]
 mod loudness_tests;
-mod low_rate;
 mod material;
 #[cfg(test)]
 mod picture_tests;

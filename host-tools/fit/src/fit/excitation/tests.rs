@@ -415,6 +415,25 @@ fn clipped_peaks_are_not_taken_and_of_repeated_values_each_once() {
     assert!(!account(&fit).evidence.is_gaussian());
 }
 
+/// The spectrum falls from 8 Hz on, as that of a finger's pressure does. If what little is left below the cut is made
+/// as loud as the rest, it bursts, and the bound on loudness lowers everything.
+#[test]
+fn what_the_filter_against_slow_motion_removes_is_played_as_steady_noise() {
+    for seed in 0..3 {
+        let mut last = 0.0;
+        let falling = |x: f64| {
+            last = 0.99 * last + x;
+            last
+        };
+        let signal: Vec<f64> = noise(seed, 32_000).into_iter().map(falling).collect();
+        let [plain, recorded] = [ExcitationChoice::Gaussian, ExcitationChoice::Snippets]
+            .map(|excitation| fitted("falling", &signal, &forced(excitation)));
+        assert!(recorded.0.trials[0].high_pass_hz.is_some());
+        assert_eq!(account(&recorded.0).lowered_db, None, "{:?}", account(&recorded.0));
+        near(level(&recorded.1) / level(&plain.1), 1.0, 0.1);
+    }
+}
+
 /// The library of a texture that needs no parts is that of a plain fit, bit for bit; one that needs them keeps them.
 #[test]
 fn parts_cost_nothing_where_they_are_not_needed_and_go_with_the_texture_where_they_are() {

@@ -6,8 +6,9 @@ use std::ops::Range;
 use model_format::{CodeSpec, SAMPLE_RATE_HZ};
 
 use super::evidence::Evidence;
+use super::known_band::{ENDS, filled};
 use super::loudness::{Loudest, Ringing, product};
-use super::low_rate::{ENDS, filled};
+use crate::dsp::high_pass::lowest_hz;
 use crate::dsp::linear_prediction::step_up;
 use crate::dsp::sums::{mean_square, sliding};
 use crate::fit::blocks::Blocks;
@@ -104,10 +105,13 @@ impl Trace {
         let mut flaws: Vec<Range<usize>> = signal.flaws.iter().map(moved).collect();
         let length = residual.len();
         let carried_hz = carried_hz(signal.source_rate_hz).filter(|_| length > 2 * ENDS);
-        if let Some(carried_hz) = carried_hz {
-            residual = filled(&residual, carried_hz);
+        if carried_hz.is_some() {
             flaws.insert(0, 0..ENDS);
             flaws.push(length - ENDS..length);
+        }
+        if carried_hz.is_some() || signal.cut_hz.is_some() {
+            let from_hz = signal.cut_hz.map_or(0.0, lowest_hz);
+            residual = filled(&residual, &(from_hz..carried_hz.unwrap_or(f64::INFINITY)));
         }
         let loudest = Loudest::of(samples, &signal.flaws);
         let most = loudest.times(MOST);
