@@ -3,6 +3,8 @@
 //! The level of real takes at one speed and force varies by 7 dB (standard deviation over 50 ms), so only changes that
 //! exceed this by far are findings. The bounds come from 24 real takes, whole and in parts of 2 s.
 
+use std::iter::repeat;
+
 use super::verdict::{Kind, Span, Verdict};
 use crate::dsp::sums::moments_inlined;
 use crate::dsp::wide;
@@ -118,18 +120,23 @@ fn silent_spans(axes: &[Vec<f64>], samples: usize) -> Vec<Span> {
     // A tap of 40 ms in 2 s covers at most three of 100 parts, and does not change this level.
     let loud = sorted[sorted.len() - 1 - sorted.len() * 3 / 100];
     let mut spans = runs(&levels, loud - SILENT_DB, SILENT_PARTS);
-    for run in runs(&levels, loud - QUIET_DB, QUIET_PARTS) {
+    // Texture beside a rest may be 15 dB below the loud parts as well, but is not steady.
+    let quiet = |(below_db, least)| {
+        runs(&levels, loud - below_db, QUIET_PARTS)
+            .into_iter()
+            .zip(repeat(least))
+    };
+    for (run, least) in [(QUIET_DB, QUIET_PARTS), (DEEP_DB, DEEP_PARTS)]
+        .into_iter()
+        .flat_map(quiet)
+    {
         let start = if run.start > 0 { run.start + QUIET_ENDS } else { 0 };
         let end = if run.end < levels.len() {
             run.end - QUIET_ENDS
         } else {
             run.end
         };
-        let is_steady = |part: Span| {
-            let is_deep = levels[part.clone()].iter().all(|level| *level < loud - DEEP_DB);
-            let least = if is_deep { DEEP_PARTS } else { QUIET_PARTS };
-            part.len() >= least && spread(&levels[part]) < QUIET_SPREAD_DB
-        };
+        let is_steady = |part: Span| part.len() >= least && spread(&levels[part]) < QUIET_SPREAD_DB;
         if is_steady(run.clone()) || is_steady(start..end) {
             spans.push(run);
         }
