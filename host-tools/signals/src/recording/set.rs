@@ -16,7 +16,7 @@ use crate::support::csv_table::{CsvTable, Header, Row, is_named};
 use crate::support::error::{Error, Result};
 use crate::support::files;
 use crate::support::hand::{force_fault, speed_fault};
-use crate::support::number::{positive, recorded_force, recorded_speed};
+use crate::support::number::{not_negative, positive, recorded_force, recorded_speed};
 
 /// File name of the list of trials in a recording set's folder.
 pub const TRIALS_FILE: &str = "trials.csv";
@@ -25,7 +25,7 @@ pub const TRIALS_FILE: &str = "trials.csv";
 #[derive(Clone, Copy, Debug, Default, PartialEq, clap::Args)]
 pub struct Assumed {
     /// Start of the used part of trials whose list gives no start_s above 0, in seconds [default: 0]
-    #[arg(long = "start", value_name = "S", value_parser = positive)]
+    #[arg(long = "start", value_name = "S", value_parser = not_negative)]
     pub start_s: Option<f64>,
     /// Duration of a trial whose list gives no duration_s, in seconds [default: to its end]
     #[arg(long = "duration", value_name = "S", value_parser = positive)]
