@@ -27,6 +27,9 @@ const SIGNIFICANT: f64 = 3.5;
 /// Over a hundred trials far less is significant, and no hand feels it.
 const FELT: f64 = 2.0;
 
+/// Duration below which less than a spread one and a half times that of noise may not be significant, s.
+const FEW_S: f64 = 2.0;
+
 /// Bands in which levels are measured, and the band of the kurtosis, Hz. Each has the number of samples by which its
 /// output is computed in a window.
 const BANDS: [([f64; 2], usize); 3] = [([20.0, 60.0], 10), ([60.0, 500.0], 50), ([20.0, HIGHEST_HZ], 100)];
@@ -144,7 +147,11 @@ impl std::fmt::Display for Evidence {
             f,
             "spread of 50 ms levels {slow:+.1} standard deviations from Gaussian noise's at 20-60 Hz, {fast:+.1} at \
              60-500 Hz, kurtosis {kurtosis:+.1}; more than {SIGNIFICANT} is significant"
-        )
+        )?;
+        if self.seconds < FEW_S {
+            write!(f, "; {:.2} s are few to judge by", self.seconds)?;
+        }
+        Ok(())
     }
 }
 

@@ -133,6 +133,13 @@ fn at_most_two_of_a_hundred_gaussian_recordings_are_taken_for_something_else() {
 }
 
 #[test]
+fn seconds_too_few_for_a_small_difference_are_said_to_be_few() {
+    let scores = [1.0; 3];
+    let said = |seconds| Evidence { scores, seconds }.to_string().contains("few");
+    assert!(said(0.95) && !said(2.05));
+}
+
+#[test]
 fn what_no_hand_feels_is_gaussian_however_many_trials_show_it_and_what_one_trial_shows_is_not() {
     let of = |score: f64, trials: usize| {
         let trial = Evidence {
