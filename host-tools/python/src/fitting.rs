@@ -25,8 +25,8 @@ pub const OF_TRIALS: [&str; 6] = ["drop", "floor", "floor_recording", "strict", 
 /// Fits a library to recordings, as `stylus fit` does: the same recordings and options give the same bytes.
 ///
 /// `recordings` are a folder with `trials.csv`, a list, files, `Recording`s, or `Recordings`. What `snap` moves is a
-/// warning. `progress(done, total)` counts recordings. Raises `StylusError` for the first recording that cannot be used,
-/// or a texture that no library holds. Options:
+/// warning. `progress(done, total)` counts recordings. Raises `StylusError` for the first recording that cannot be
+/// used, or a texture that no library holds. Options:
 #[pyfunction]
 #[pyo3(signature = (recordings, *, progress = None, **options))]
 pub fn fit<'py>(
