@@ -1,7 +1,7 @@
 //! Measures idsp's cascade of second-order sections, 32-bit words and 64-bit sums, one sample per call.
 //!
-//! `idsp FOLDER SAMPLES`: noise and sections are those of `prepare.py`. The samples go to stdout, and the processor time
-//! per sample, ns, to stderr.
+//! `idsp FOLDER SAMPLES`: noise and sections are those of `prepare.py`. The samples go to stdout, and the processor
+//! time per sample, ns, to stderr.
 
 use std::io::Write;
 use std::path::Path;
