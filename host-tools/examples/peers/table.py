@@ -2,7 +2,8 @@
 
 BUILT has the folders that the Makefile fills: own/ and native/ with programs, and one for each order. Each figure of
 time is the median of ROUNDS runs, in which all programs take turns. Instructions are callgrind's, the difference of two
-runs over that of their samples; they are exact, and left out if valgrind is not there, or cannot run a program.
+runs over that of their samples; they are exact. Left out is what valgrind cannot run, and SciPy, because Python
+never starts twice with the same number.
 
 No figure is of silence or overflow: a program whose output is further than a bound from the model's RMS, or from its
 spectrum in a third octave, ends the table.
@@ -67,7 +68,7 @@ def check(what, samples, model):
 
 
 def instructions(command, arguments):
-    """Instructions per sample; None if there is no valgrind, or if it does not know this processor's instructions."""
+    """Instructions per sample; None if there is no valgrind, or if it does not know this processor's."""
     valgrind = ["valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null"]
     counts = []
     for samples in (SHORT, LONG):
@@ -99,11 +100,8 @@ def measured():
                 model = np.load(folder / f"{model_name}.npz")
                 samples = np.frombuffer(result.stdout, words).astype(float)
                 check(f"{row}, {kind}, order {order}", samples * (model["rms"] / WORD if words == "<i4" else 1), model)
-                if kind == "own":
-                    try:
-                        counts[key] = instructions((command, folder), arguments)
-                    except subprocess.CalledProcessError:
-                        print(f"{row}, order {order}: valgrind cannot run it", file=sys.stderr)
+                if kind == "own" and command[0] != sys.executable:
+                    counts[key] = instructions((command, folder), arguments)
     return times, counts
 
 

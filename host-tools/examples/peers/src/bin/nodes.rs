@@ -10,7 +10,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for node in texture.nodes() {
         print!("{}", node.output_power);
         for theta in node.coefficients.thetas() {
-            print!(" {}", f64::from(theta) * f64::from(FINE_THETA_STEP_RAD));
+            print!(" {}", f64::from(theta) * FINE_THETA_STEP_RAD);
         }
         println!();
     }
