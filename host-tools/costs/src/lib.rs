@@ -1,8 +1,8 @@
 //! The schema of `host-tools/costs/costs.json`, the table of measured costs.
 //!
-//! The table was counted once; `tests/qemu` compares the shipped structure with new counts, and the `stylus` command
-//! embeds it. Counts are whole instructions and whole cycles. A look-up between two measured orders gives fractions, so
-//! the types are generic over the type of number.
+//! The table was counted once, by a tool that commit d3f74c5d still has; `tests/qemu` compares the shipped structure
+//! with new counts, and the `stylus` command embeds it. Counts are whole instructions and whole cycles. A look-up
+//! between two measured orders gives fractions, so the types are generic over the type of number.
 
 use serde::{Deserialize, Serialize};
 
