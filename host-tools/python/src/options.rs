@@ -39,7 +39,7 @@ pub fn of_keywords<A: Args>(keywords: Option<&Bound<'_, PyDict>>, without: &[&st
         let name: String = name.extract()?;
         let is_named = |argument: &&Arg| argument.get_id() == name.as_str();
         let Some(argument) = known.iter().find(is_named) else {
-            let problem = format!("an unexpected keyword argument '{name}'");
+            let problem = format!("got an unexpected keyword argument '{name}'");
             return Err(PyTypeError::new_err(problem));
         };
         words.extend(written(argument, &value)?);

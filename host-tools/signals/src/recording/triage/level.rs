@@ -3,8 +3,6 @@
 //! The level of real takes at one speed and force varies by 7 dB (standard deviation over 50 ms), so only changes that
 //! exceed this by far are findings. The bounds come from 24 real takes, whole and in parts of 2 s.
 
-use std::iter::repeat;
-
 use super::verdict::{Kind, Span, Verdict};
 use crate::dsp::sums::moments_inlined;
 use crate::dsp::wide;
@@ -121,27 +119,21 @@ fn silent_spans(axes: &[Vec<f64>], samples: usize) -> Vec<Span> {
     let loud = sorted[sorted.len() - 1 - sorted.len() * 3 / 100];
     let mut spans = runs(&levels, loud - SILENT_DB, SILENT_PARTS);
     // Texture beside a rest may be 15 dB below the loud parts as well, but is not steady.
-    let quiet = |(below_db, least)| {
-        runs(&levels, loud - below_db, QUIET_PARTS)
-            .into_iter()
-            .zip(repeat(least))
-    };
-    for (run, least) in [(QUIET_DB, QUIET_PARTS), (DEEP_DB, DEEP_PARTS)]
-        .into_iter()
-        .flat_map(quiet)
-    {
-        let start = if run.start > 0 { run.start + QUIET_ENDS } else { 0 };
-        let end = if run.end < levels.len() {
-            run.end - QUIET_ENDS
-        } else {
-            run.end
-        };
+    for (below_db, least) in [(QUIET_DB, QUIET_PARTS), (DEEP_DB, DEEP_PARTS)] {
         let is_steady = |part: Span| part.len() >= least && spread(&levels[part]) < QUIET_SPREAD_DB;
-        if is_steady(run.clone()) || is_steady(start..end) {
-            spans.push(run);
+        for run in runs(&levels, loud - below_db, QUIET_PARTS) {
+            let start = if run.start > 0 { run.start + QUIET_ENDS } else { 0 };
+            let end = if run.end < levels.len() {
+                run.end - QUIET_ENDS
+            } else {
+                run.end
+            };
+            if is_steady(run.clone()) || is_steady(start..end) {
+                spans.push(run);
+            }
         }
     }
-    // Both searches may find the same part.
+    // Several searches may find the same part.
     spans.sort_by_key(|span| span.start);
     spans.dedup_by(|next, first| {
         let joins = next.start <= first.end;
