@@ -10,6 +10,7 @@
 
 use std::ops::Range;
 
+use model_format::limits::MAX_CODEBOOKS;
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
@@ -40,8 +41,12 @@ const HIGHEST_HZ: f64 = 1000.0;
 /// Samples of a window of 50 ms.
 const WINDOW: usize = 250;
 
-/// Number of stretches of noise.
-const STRETCHES: usize = 25;
+/// Number of stretches of noise of a trial that may be judged alone, and of one of [`MANY`] or more. With eight, a score
+/// is less certain, but then it is one of several wherever it decides.
+const STRETCHES: [usize; 2] = [25, 8];
+
+/// Number of a texture's trials from which on each needs fewer stretches: some six for each codebook.
+const MANY: usize = 6 * MAX_CODEBOOKS;
 
 /// Longest part of a trial that is judged, windows: 10 s.
 const LONGEST: usize = 200;
@@ -63,8 +68,9 @@ pub struct Evidence {
 }
 
 impl Evidence {
-    /// Judges a `residual` behind a filter with these `reflection` coefficients, without its `flaws`.
-    pub(super) fn of(residual: &[f64], flaws: &[Range<usize>], reflection: &[f64]) -> Self {
+    /// Judges a `residual` behind a filter with these `reflection` coefficients, without its `flaws`. It is that of one
+    /// of the `trials` of a texture.
+    pub(super) fn of(residual: &[f64], flaws: &[Range<usize>], reflection: &[f64], trials: usize) -> Self {
         let all = (residual.len() / WINDOW).min(LONGEST);
         let is_clean = |n: &usize| {
             flaws
@@ -100,9 +106,10 @@ impl Evidence {
         let mut generator = Pcg64::seed_from_u64(hash.value());
         let mut normal = || -> f64 { StandardNormal.sample(&mut generator) };
         let mut bins = std::iter::repeat_with(|| Complex::new(normal(), normal()));
-        let noise: [[f64; 3]; STRETCHES] = std::array::from_fn(|_| of(&mut bins));
+        let stretches = STRETCHES[usize::from(trials >= MANY)];
+        let noise: Vec<[f64; 3]> = (0..stretches).map(|_| of(&mut bins)).collect();
         let score = |n: usize| {
-            let count = STRETCHES as f64;
+            let count = stretches as f64;
             let mean = noise.iter().map(|of| of[n]).sum::<f64>() / count;
             let variance = noise.iter().map(|of| (of[n] - mean).powi(2)).sum::<f64>() / (count - 1.0);
             // The mean of the noise is uncertain, too.

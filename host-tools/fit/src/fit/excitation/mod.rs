@@ -74,6 +74,7 @@ pub(super) fn of(
     let first = takes
         .first()
         .map_or_else(Vec::new, |take| take.signal.direction.clone());
+    let trials = takes.len();
     let trace = |mut take: Take<'_>| {
         // Where the largest component of the axis changes, so does the sign of the signal: waves of neighbouring nodes
         // would point to opposite sides.
@@ -86,7 +87,7 @@ pub(super) fn of(
         let node = report.used.then(|| nodes.get(at.0 * forces_n.len() + at.1));
         // Nothing excites a silent node.
         let node = node.flatten().filter(|node| node.output_power > 0.0);
-        let trace = node.and_then(|node| Trace::of(&take.signal, at, &node.codes, &report.verdicts));
+        let trace = node.and_then(|node| Trace::of(&take.signal, at, &node.codes, &report.verdicts, trials));
         progress();
         trace.map(|trace| (take.number, trace))
     };

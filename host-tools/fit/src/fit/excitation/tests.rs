@@ -85,6 +85,11 @@ pub(super) fn node_of(samples: &[f64], order: usize) -> NodeSpec {
 }
 
 fn trace_of_rate(samples: &[f64], order: usize, source_rate_hz: f64) -> Trace {
+    trace_of_one(samples, order, source_rate_hz, 1)
+}
+
+/// Returns the trace of one of the `trials` of a texture.
+fn trace_of_one(samples: &[f64], order: usize, source_rate_hz: f64, trials: usize) -> Trace {
     let node = node_of(samples, order);
     let signal = Signal {
         samples: samples.to_vec(),
@@ -94,7 +99,7 @@ fn trace_of_rate(samples: &[f64], order: usize, source_rate_hz: f64) -> Trace {
         direction: Vec::new(),
         stretches: Vec::new(),
     };
-    Trace::of(&signal, (0, 0), &node.codes, &[]).unwrap()
+    Trace::of(&signal, (0, 0), &node.codes, &[], trials).unwrap()
 }
 
 /// Returns the choice for a grid of these speeds and forces.
@@ -130,6 +135,19 @@ fn at_most_two_of_a_hundred_gaussian_recordings_are_taken_for_something_else() {
         println!("{told} of {OF_LENGTH} of {samples} samples");
         assert!(told <= 2, "{told} of {samples} samples");
     }
+}
+
+/// Each trial has fewer stretches of noise to be compared with, and a codebook of six decides by all of them.
+#[test]
+fn none_of_a_hundred_textures_of_many_gaussian_recordings_is_taken_for_something_else() {
+    let is_told = |texture: &u64| {
+        let of = |trial: u64| {
+            let signal = filtered(&noise(100 * texture + trial, 2_500), 40.0 + 5.0 * *texture as f64);
+            trace_of_one(&signal, 40, 5000.0, 24).evidence
+        };
+        !Evidence::of_all((0..6).map(of)).is_gaussian()
+    };
+    assert_eq!((0..100).filter(is_told).count(), 0);
 }
 
 #[test]

@@ -87,10 +87,17 @@ pub(super) struct Trace {
 }
 
 impl Trace {
-    /// Returns the trace of a trial `at` a node with these `codes`. It is limited so that its loudest windows are at
-    /// most [`MOST`] times as loud at the output as the signal's. `None` if its residual does not come from the surface
-    /// according to one of its `verdicts`, or if the trial is too short, silent, or predicted down to its round-off.
-    pub fn of(signal: &Signal, at: (usize, usize), codes: &CodeSpec, verdicts: &[Verdict]) -> Option<Self> {
+    /// Returns the trace of one of the `trials` of a texture, `at` a node with these `codes`. It is limited so that its
+    /// loudest windows are at most [`MOST`] times as loud at the output as the signal's. `None` if its residual does not
+    /// come from the surface according to one of its `verdicts`, or if the trial is too short, silent, or predicted down
+    /// to its round-off.
+    pub fn of(
+        signal: &Signal,
+        at: (usize, usize),
+        codes: &CodeSpec,
+        verdicts: &[Verdict],
+        trials: usize,
+    ) -> Option<Self> {
         if !verdicts.iter().all(leaves_the_residual) {
             return None;
         }
@@ -125,7 +132,7 @@ impl Trace {
         }
         let scale = 1.0 / power.sqrt();
         residual.iter_mut().for_each(|x| *x *= scale);
-        let evidence = Evidence::of(&residual, &flaws, &reflection);
+        let evidence = Evidence::of(&residual, &flaws, &reflection, trials);
         Some(Self {
             at,
             reflection,
