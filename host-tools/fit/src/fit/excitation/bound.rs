@@ -21,6 +21,7 @@ use stylus_kernel::grid::GridPoint;
 
 use super::loudness::{Loudest, Ringing, product};
 use super::trace::Trace;
+use crate::dsp::fourier::{self, Complex};
 use crate::dsp::linear_prediction::error_share;
 use crate::dsp::sums::mean_square;
 
@@ -140,8 +141,8 @@ fn played(codebook: CodebookSpec) -> Vec<f64> {
 
 /// The nodes at which a source of parts is played.
 struct SourceNodes<'t> {
-    /// Excitation that the source plays, standard deviations.
-    played: Vec<f64>,
+    /// Spectrum of the excitation that the source plays, in standard deviations.
+    played: Vec<Complex<f64>>,
     /// Nodes, the calmest first, each with the loudest windows of its recordings.
     nodes: Vec<(Loudest, &'t Trace)>,
     /// Loudest windows that the recordings of all these nodes but the calmest eighth reach.
@@ -172,7 +173,7 @@ fn sources<'t>(traces: &'t [Trace], forces: usize, parts: &PartsSpec) -> BTreeMa
     let of_source = |(number, mut nodes): (u8, Vec<(Loudest, &'t Trace)>)| {
         nodes.sort_by(|a, b| a.0.over(STEADY).total_cmp(&b.0.over(STEADY)));
         let source = SourceNodes {
-            played: played(excitation.codebooks[usize::from(number) - 1].clone()),
+            played: fourier::forward(&mut played(excitation.codebooks[usize::from(number) - 1].clone())),
             least: most(nodes.iter().map(|(_, trace)| *trace), 1.0),
             nodes,
         };

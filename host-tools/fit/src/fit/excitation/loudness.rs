@@ -10,7 +10,7 @@
 use std::ops::Range;
 
 use super::power::local_rms;
-use crate::dsp::fourier;
+use crate::dsp::fourier::{self, Complex};
 use crate::dsp::linear_prediction::{error_share, step_up};
 use crate::dsp::sums::{dot, mean_square, sliding};
 
@@ -66,10 +66,11 @@ impl Loudest {
         }))
     }
 
-    /// Returns the loudest windows and the RMS of an `excitation` behind a filter with these reflection coefficients,
-    /// relative to the expected RMS there of noise with a mean square of 1. The excitation is treated as circular.
-    pub fn behind(excitation: &[f64], reflection: &[f64]) -> (Self, f64) {
-        let heard = powers(&filtered(excitation, &step_up(reflection)));
+    /// Returns the loudest windows and the RMS of an excitation behind a filter with these reflection coefficients,
+    /// relative to the expected RMS there of noise with a mean square of 1. The excitation is circular, of an even
+    /// number of samples, and has this `spectrum`.
+    pub fn behind(spectrum: &[Complex<f64>], reflection: &[f64]) -> (Self, f64) {
+        let heard = powers(&filtered(spectrum, &step_up(reflection)));
         let expected = 1.0 / error_share(reflection);
         (Self::of_powers(&heard, expected), (mean(&heard) / expected).sqrt())
     }
@@ -219,17 +220,19 @@ fn clean_milliseconds(samples: usize, flaws: &[Range<usize>]) -> Vec<bool> {
     clean
 }
 
-/// Returns `excitation`, treated as circular, filtered by the all-pole filter of a predictor.
-pub(super) fn filtered(excitation: &[f64], predictor: &[f64]) -> Vec<f64> {
-    let count = excitation.len();
+/// Returns a circular excitation, by its `spectrum`, filtered by the all-pole filter of a predictor.
+fn filtered(spectrum: &[Complex<f64>], predictor: &[f64]) -> Vec<f64> {
+    let count = 2 * (spectrum.len() - 1);
     let mut whitening = vec![0.0; count];
     whitening[0] = 1.0;
     whitening[1..=predictor.len()].copy_from_slice(predictor);
-    let mut spectrum = fourier::forward(&mut excitation.to_vec());
-    for (bin, whitening) in spectrum.iter_mut().zip(fourier::forward(&mut whitening)) {
-        *bin /= whitening * count as f64;
-    }
-    fourier::inverse(&mut spectrum, count)
+    let whitening = fourier::forward(&mut whitening);
+    let mut output: Vec<_> = spectrum
+        .iter()
+        .zip(whitening)
+        .map(|(bin, whitening)| bin / (whitening * count as f64))
+        .collect();
+    fourier::inverse(&mut output, count)
 }
 
 #[cfg(test)]
@@ -272,14 +275,14 @@ mod tests {
     /// Noise behind a filter, computed by the filter's own recursion.
     #[test]
     fn noise_behind_a_filter_has_the_loudness_that_the_recursion_gives_it() {
-        let excitation = noise(1, 1 << 14);
+        let mut excitation = noise(1, 1 << 14);
         let a = step_up(&REFLECTION);
         let mut heard = vec![0.0; 2];
         for (n, x) in excitation.iter().enumerate() {
             heard.push(x - a[0] * heard[n + 1] - a[1] * heard[n]);
         }
         let expected = Loudest::of(&heard[2..], &[]);
-        let (found, rms) = Loudest::behind(&excitation, &REFLECTION);
+        let (found, rms) = Loudest::behind(&fourier::forward(&mut excitation), &REFLECTION);
         near(rms, 1.0, 0.05);
         for (found, expected) in found.0.into_iter().zip(expected.0) {
             near(found / expected, 1.0, 0.05);
