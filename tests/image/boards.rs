@@ -1,7 +1,7 @@
 //! What a board's file says, on every board: clock, pins, LEDs and USB, and that no board takes the image of another.
 
 use model_format::link::{
-    BoardName, ClockSource, DEVELOPMENT_SEED, SelfTestRequest, UpdateBegin, UpdateBeginEndpoint, UpdateError,
+    BoardName, ClockSource, DEVELOPMENT_SEED, UpdateBegin, UpdateBeginEndpoint, UpdateError,
 };
 use stylus_app::update::sign;
 use stylus_board::{ALL, Board};
@@ -10,7 +10,7 @@ use virtual_stylus::Options;
 use crate::bootloader::{LOW_SUPPLY, committed_on};
 use crate::device::{Device, MS, SECOND, product_of};
 use crate::library;
-use crate::self_test::{failing, lines, quiet};
+use crate::self_test::{MEASUREMENTS, failing, lines, quiet};
 use crate::update::{image, version};
 
 /// Options on `board` with a library.
@@ -22,20 +22,13 @@ fn on(board: &'static Board) -> Options {
 }
 
 #[test]
-fn each_further_board_runs_by_its_own_clock_and_passes_its_self_test_over_usb() {
-    for board in &ALL[1..] {
+fn each_board_runs_by_its_own_clock_and_passes_its_self_test_over_usb() {
+    for board in ALL {
         let mut device = Device::on_usb(on(board));
         let start = device.status().start;
         assert_eq!((start.board.as_str(), start.clock), (board.name, ClockSource::External));
         device.set_pins(quiet);
-        for request in [
-            SelfTestRequest::Chip,
-            SelfTestRequest::OptionBytes,
-            SelfTestRequest::Clocks,
-            SelfTestRequest::ErrorCorrection,
-            SelfTestRequest::Rest,
-            SelfTestRequest::Output { disconnected: true },
-        ] {
+        for request in MEASUREMENTS {
             let found = lines(&mut device, request);
             assert_eq!(failing(&found), [""; 0], "{}", board.name);
         }
