@@ -166,9 +166,19 @@ impl Device {
     }
 
     pub fn upload(&mut self, library: &[u8]) -> UploadCommitted {
-        let from = self.begin_upload(library);
-        self.send_chunks(library, from, library.len());
-        self.request::<UploadCommitEndpoint>(&()).expect("a valid library")
+        self.try_upload(library).expect("the link holds")
+    }
+
+    /// Goes on with an upload of `library` until it is committed. Returns `None` if the link breaks before.
+    pub fn try_upload(&mut self, library: &[u8]) -> Option<UploadCommitted> {
+        let begun = self
+            .try_request::<UploadBeginEndpoint>(&announced(library))?
+            .expect("the library fits a slot");
+        for chunk in chunks(library, begun.next_offset as usize, MAX_CHUNK_BYTES) {
+            self.try_request::<UploadChunkEndpoint<'_>>(&chunk)?
+                .expect("the chunk that is due");
+        }
+        Some(self.try_request::<UploadCommitEndpoint>(&())?.expect("a valid library"))
     }
 
     /// Uploads with up to `window` chunks under way before the first of them is answered, like the product's client
