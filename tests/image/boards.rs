@@ -1,8 +1,6 @@
 //! What a board's file says, on every board: clock, pins, LEDs and USB, and that no board takes the image of another.
 
-use model_format::link::{
-    BoardName, ClockSource, DEVELOPMENT_SEED, UpdateBegin, UpdateBeginEndpoint, UpdateError,
-};
+use model_format::link::{BoardName, ClockSource, DEVELOPMENT_SEED, UpdateBegin, UpdateBeginEndpoint, UpdateError};
 use stylus_app::update::sign;
 use stylus_board::{ALL, Board};
 use virtual_stylus::Options;
