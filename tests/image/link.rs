@@ -20,13 +20,13 @@ fn a_lost_link_is_silence_within_100_ms() {
     device.keep_alive(false);
     let lost = device.stylus.now_ns();
     device.run_for(300 * MS);
-    assert!(!device.is_silent(lost - 50 * MS, lost), "it was heard");
-    assert!(device.is_silent(lost + SILENT_NS, lost + 300 * MS));
+    assert!(device.sounds_in(lost - 50 * MS..lost) > 0, "it was heard");
+    assert_eq!(device.sounds_in(lost + SILENT_NS..lost + 300 * MS), 0);
     // The output resumes with the link.
     device.keep_alive(true);
     device.run_for(400 * MS);
     let now = device.stylus.now_ns();
-    assert!(!device.is_silent(now - 100 * MS, now), "it is heard again");
+    assert!(device.sounds_in(now - 100 * MS..now) > 0, "it is heard again");
 }
 
 /// Number of frames to send.

@@ -93,7 +93,7 @@ fn after_a_power_cut_of_an_update_the_old_or_the_new_image_answers_with_settings
             let kept = (device.settings(), state_of(&mut device));
             assert_eq!(kept, (settings, library), "{told:?}");
             let playable = device.status().settings.check_playable();
-            assert_eq!((playable, device.sounds_from(0)), (Ok(()), 0), "{told:?}");
+            assert_eq!((playable, device.sounds_in(..)), (Ok(()), 0), "{told:?}");
         }
         println!("{name}, {last} operations: {counts:?} times the old and the new image");
     }
@@ -157,7 +157,7 @@ impl Device {
         // After this time the previous image no longer answers.
         self.run_for(SECOND);
         assert!(self.answers_within(EXCHANGE_NS), "{:?}", self.stylus.report());
-        assert_eq!(self.sounds_from(begin), 0, "codes other than mid-scale");
+        assert_eq!(self.sounds_in(begin..), 0, "codes other than mid-scale");
         let reset_ns = self.assert_held_since_reset();
         // The image writes mid-scale to the output after the bootloader has done so.
         let is_of_image = |output: &&Output| output.at_ns > reset_ns && output.cause == Cause::Write;
