@@ -9,7 +9,6 @@ use model_format::link::{
     UploadBeginEndpoint, UploadError,
 };
 use stylus_board::ALL;
-use virtual_stylus::motion::Motion;
 use virtual_stylus::{Electrical, Options, ResetCause};
 
 use crate::device::{Device, MS, inject, long, product};
@@ -47,8 +46,7 @@ fn register(device: &mut Device, instance: &'static str, offset: u64) -> u32 {
 
 /// Plays until the output is heard, and a little longer.
 fn plays(device: &mut Device) {
-    let motion = Motion::steady(120.0, 0.01);
-    device.stylus.set_motion(motion);
+    device.move_at(120.0);
     device.play_until_heard("lattice");
     device.run_for(50 * MS);
     device.keep_alive(false);
