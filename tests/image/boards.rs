@@ -1,17 +1,14 @@
-//! What a board's file says, on every board: clock, pins, LEDs and USB, and that no board takes the image of another.
+//! What a board's file says, on every board: clock, pins, LEDs and USB.
 
-use model_format::link::{
-    BoardName, ClockSource, DEVELOPMENT_SEED, SelfTestRequest, UpdateBegin, UpdateBeginEndpoint, UpdateError,
-};
-use stylus_app::update::sign;
+use model_format::link::ClockSource;
 use stylus_board::{ALL, Board};
 use virtual_stylus::Options;
 
 use crate::bootloader::{LOW_SUPPLY, committed_on};
 use crate::device::{Device, MS, SECOND, product_of};
 use crate::library;
-use crate::self_test::{failing, lines, quiet};
-use crate::update::{image, version};
+use crate::self_test::{MEASUREMENTS, failing, lines, quiet};
+use crate::update::image;
 
 /// Options on `board` with a library.
 fn on(board: &'static Board) -> Options {
@@ -22,20 +19,13 @@ fn on(board: &'static Board) -> Options {
 }
 
 #[test]
-fn each_further_board_runs_by_its_own_clock_and_passes_its_self_test_over_usb() {
-    for board in &ALL[1..] {
+fn each_board_runs_by_its_own_clock_and_passes_its_self_test_over_usb() {
+    for board in ALL {
         let mut device = Device::on_usb(on(board));
         let start = device.status().start;
         assert_eq!((start.board.as_str(), start.clock), (board.name, ClockSource::External));
         device.set_pins(quiet);
-        for request in [
-            SelfTestRequest::Chip,
-            SelfTestRequest::OptionBytes,
-            SelfTestRequest::Clocks,
-            SelfTestRequest::ErrorCorrection,
-            SelfTestRequest::Rest,
-            SelfTestRequest::Output { disconnected: true },
-        ] {
+        for request in MEASUREMENTS {
             let found = lines(&mut device, request);
             assert_eq!(failing(&found), [""; 0], "{}", board.name);
         }
@@ -84,21 +74,5 @@ fn the_image_of_a_board_with_another_kind_of_clock_runs_on_the_internal_one() {
         device.wait_for_start();
         let start = device.status().start;
         assert_eq!((start.board.as_str(), start.clock), (other.name, ClockSource::Internal));
-    }
-}
-
-#[test]
-fn an_update_for_another_board_is_refused_before_anything_is_erased() {
-    for (board, other) in [(&ALL[0], &ALL[1]), (&ALL[1], &ALL[0])] {
-        let mut device = Device::started(on(board));
-        let operations = device.flash_operations();
-        let image = image(&product_of(other));
-        for (offered, expected) in [(other, Some(UpdateError::Board)), (board, None)] {
-            let signed = sign(BoardName::new(offered.name), &image, version(), &DEVELOPMENT_SEED);
-            let begun = device.request::<UpdateBeginEndpoint>(&UpdateBegin::new(&image, &signed));
-            assert_eq!(begun.err(), expected, "{} for {}", offered.name, board.name);
-            assert_eq!(device.flash_operations() == operations, expected.is_some());
-        }
-        device.assert_undisturbed();
     }
 }

@@ -1,9 +1,10 @@
 //! The host's end of the serial line or of USB, in virtual time.
 
-use hil::injection::{FaultTopic, Injected};
 use std::collections::VecDeque;
 use std::path::PathBuf;
 
+use fake_stylus::requests::frame;
+use hil::injection::{FaultTopic, Injected};
 use model_format::link::{
     InfoEndpoint, KEEP_ALIVE_MS, KeepAliveTopic, MAX_DEVICE_FRAME_BYTES, RecordBlock, RecordBlockTopic,
 };
@@ -481,15 +482,6 @@ impl Device {
     pub fn forget_frames(&mut self) {
         self.side.frames.clear();
     }
-}
-
-/// Builds a frame with a message, without COBS.
-pub fn frame(key: Key, sequence: u32, message: &impl Serialize) -> Vec<u8> {
-    let header = VarHeader {
-        key: VarKey::Key8(key),
-        seq_no: VarSeq::Seq4(sequence),
-    };
-    fake_stylus::requests::frame(key, header, message)
 }
 
 /// Requests a fault from the image with fault injection.

@@ -171,7 +171,7 @@ impl<'a> Output<'a> {
 pub const BEFORE_FIRST_TICK: usize = 17;
 
 /// Checks the instants of the codes at the output, and returns the codes of each tick, from the first tick on.
-pub fn latched(device: &mut Device) -> Vec<[u16; CODES]> {
+fn latched(device: &mut Device) -> Vec<[u16; CODES]> {
     let outputs = device.triggered();
     assert_even(&outputs);
     let codes: Vec<u16> = (outputs[BEFORE_FIRST_TICK..].iter())

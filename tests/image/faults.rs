@@ -50,9 +50,9 @@ fn ends(wanted: &Ending) {
     assert_eq!(status.reset, wanted.reason, "{name}");
     let told = status.fault.expect("it has a kind");
     assert!(wanted.explains(&told), "{name}: {told:x?}");
-    let late = device.sounds_from(injected + silent_ns);
+    let late = device.sounds_in(injected + silent_ns..);
     assert_eq!(late, 0, "{name}: codes other than mid-scale");
-    assert!(device.sounds_from(0) > 100, "it was heard before");
+    assert!(device.sounds_in(..) > 100, "it was heard before");
     // The amplifier is switched off before the output is moved, at the latest by the reset. It is switched on again
     // only after the reset.
     let amplifier = device.amplifier();

@@ -6,7 +6,6 @@
 
 mod boards;
 mod bootloader;
-mod bounds;
 mod cost;
 mod device;
 mod expected;

@@ -1,11 +1,12 @@
 //! The device's records of its worst cases (`Marks`), under the highest load, and levels of the sensors.
 
+use fake_stylus::requests::frame;
 use model_format::link::{Marks, Setting, StatusEndpoint};
 use postcard_rpc::Endpoint;
 use virtual_stylus::model::flash::Stalls;
 use virtual_stylus::sensors::FunctionPins;
 
-use crate::device::{Device, MS, frame};
+use crate::device::{Device, MS};
 use crate::library;
 use crate::scenes;
 

@@ -1,17 +1,13 @@
 //! The output of textures and scenes, compared code by code and instant by instant, at 5 and at 10 kHz.
 
-use model_format::link::MuteReason;
-use model_format::{Library, PlayRate};
-use stylus_app::UPDATE_LEAD_TICKS;
-use stylus_app::safety::Config;
+use model_format::Library;
 use stylus_board::{ALL, Board};
 use stylus_kernel::scene::cost::BUDGET;
 use virtual_stylus::Options;
 
 use crate::cost::{count, count_scene};
-use crate::device::{CODES, Device, MID_SCALE, MS, PERIOD_NS};
-use crate::expected::ExpectedPlay;
-use crate::expected::{Compared, latched, plays_as_the_host_does};
+use crate::device::{Device, MS, PERIOD_NS};
+use crate::expected::{Compared, ExpectedPlay, plays_as_the_host_does};
 use crate::library;
 use crate::scenes::{OVER_AND_BACK, fast, force_code, plan, press, tapping};
 
@@ -88,50 +84,6 @@ fn a_scene_at_ten_kilohertz_with_all_effects_is_put_out_as_the_host_computes_it(
 #[test]
 fn a_scene_of_fed_textures_is_put_out_as_the_host_computes_it() {
     a_scene_is_played(&crate::scenes::bytes(), "fed everything");
-}
-
-#[test]
-fn a_change_of_rate_and_back_is_within_the_limits_and_at_mid_scale_in_between() {
-    let mut device = Device::started(library::with(&fast()));
-    // The hand is steady, so that only the change of rate can cause silence.
-    press(&mut device, 1.0);
-    device.move_at(60.0);
-    let settings = device.settings();
-    let mut changes = Vec::new();
-    let changing = |device: &mut Device| device.status().output.mute_counts[MuteReason::Changing as usize];
-    let before = changing(&mut device);
-    for texture in ["slow", "fast", "slow"] {
-        changes.push(device.status().tick.ticks as usize);
-        device.play(texture, 3);
-        device.run_for(450 * MS);
-        assert!(device.status().output.mute.is_empty(), "{texture}");
-    }
-    assert_eq!(changing(&mut device), before + 3);
-    device.assert_undisturbed();
-    let codes = latched(&mut device);
-    // The limits of the codes are the same at both rates.
-    let [slow, fast] = PlayRate::ALL.map(|rate| Config::at_rate(&settings, 1.0, rate));
-    let limits = (slow.limit_steps(), slow.slew_steps());
-    assert_eq!(limits, (fast.limit_steps(), fast.slew_steps()));
-    let offsets: Vec<i32> = (codes.as_flattened().iter())
-        .map(|&code| i32::from(code) - i32::from(MID_SCALE))
-        .collect();
-    assert!(offsets.iter().all(|offset| offset.abs() <= limits.0));
-    let steps = offsets.windows(2).map(|pair| (pair[1] - pair[0]).abs());
-    assert!(steps.max().is_some_and(|most| most <= limits.1));
-    // After each change there is silence at least for the lead of the first block, and then sound for most of the time.
-    for (index, &change) in changes.iter().enumerate() {
-        let end = changes.get(index + 1).copied().unwrap_or(codes.len());
-        let stretch = &codes[change..end];
-        let silent = |codes: &[u16; CODES]| *codes == [MID_SCALE; CODES];
-        let rest = stretch
-            .windows(UPDATE_LEAD_TICKS as usize)
-            .position(|ticks| ticks.iter().all(silent))
-            .expect("the output rests");
-        assert!(rest < 500, "rest after {rest} ticks");
-        let sounding = stretch[rest..].iter().filter(|codes| !silent(codes));
-        assert!(sounding.count() > 1_200, "change {index}");
-    }
 }
 
 /// A tick at 10 kHz keeps its period and its budget. A tick at 5 kHz costs as much as before.

@@ -1,6 +1,7 @@
 //! Requests of a host, and steps that many tests need.
 
 use std::collections::VecDeque;
+use std::ops::RangeBounds;
 
 use fake_stylus::device::change;
 pub use fake_stylus::library::announcement as announced;
@@ -76,18 +77,9 @@ impl Device {
         assert_even(&self.triggered());
     }
 
-    /// Returns true if only mid-scale was put out from `from_ns` until before `to_ns`.
-    pub fn is_silent(&mut self, from_ns: u64, to_ns: u64) -> bool {
-        let mut between = self
-            .dac()
-            .iter()
-            .filter(|output| (from_ns..to_ns).contains(&output.at_ns));
-        between.all(|output| output.code.unwrap_or(MID_SCALE) == MID_SCALE)
-    }
-
-    /// Number of codes other than mid-scale that were put out at `from_ns` or later.
-    pub fn sounds_from(&mut self, from_ns: u64) -> usize {
-        let outputs = self.dac().iter().filter(|output| output.at_ns >= from_ns);
+    /// Number of codes other than mid-scale that were put out at these instants, ns.
+    pub fn sounds_in(&mut self, instants: impl RangeBounds<u64>) -> usize {
+        let outputs = self.dac().iter().filter(|output| instants.contains(&output.at_ns));
         let sounds = |output: &&Output| output.code.is_some_and(|code| code != MID_SCALE);
         outputs.filter(sounds).count()
     }
@@ -166,9 +158,19 @@ impl Device {
     }
 
     pub fn upload(&mut self, library: &[u8]) -> UploadCommitted {
-        let from = self.begin_upload(library);
-        self.send_chunks(library, from, library.len());
-        self.request::<UploadCommitEndpoint>(&()).expect("a valid library")
+        self.try_upload(library).expect("the link holds")
+    }
+
+    /// Goes on with an upload of `library` until it is committed. Returns `None` if the link breaks before.
+    pub fn try_upload(&mut self, library: &[u8]) -> Option<UploadCommitted> {
+        let begun = self
+            .try_request::<UploadBeginEndpoint>(&announced(library))?
+            .expect("the library fits a slot");
+        for chunk in chunks(library, begun.next_offset as usize, MAX_CHUNK_BYTES) {
+            self.try_request::<UploadChunkEndpoint<'_>>(&chunk)?
+                .expect("the chunk that is due");
+        }
+        Some(self.try_request::<UploadCommitEndpoint>(&())?.expect("a valid library"))
     }
 
     /// Uploads with up to `window` chunks under way before the first of them is answered, like the product's client

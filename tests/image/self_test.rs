@@ -16,6 +16,21 @@ use crate::requests::assert_even;
 /// The request to test the output, where the user confirms that no amplifier is connected.
 const OUTPUT: SelfTestRequest = SelfTestRequest::Output { disconnected: true };
 
+/// All measurements, with what they need to be allowed.
+pub const MEASUREMENTS: [SelfTestRequest; 8] = [
+    SelfTestRequest::Chip,
+    SelfTestRequest::OptionBytes,
+    SelfTestRequest::Clocks,
+    SelfTestRequest::ErrorCorrection,
+    SelfTestRequest::Rest,
+    SelfTestRequest::Encoder,
+    SelfTestRequest::Flash {
+        slot: SlotId::B,
+        erases_library: true,
+    },
+    OUTPUT,
+];
+
 /// A device on a board to which `change` was applied before the power came on.
 fn on_board(change: impl FnOnce(&mut StylusBoard) + Send + 'static) -> Device {
     let mut device = Device::new(&product(), Options::default());
@@ -166,28 +181,16 @@ fn faults_of_the_output_are_named() {
 #[test]
 fn no_code_but_mid_scale_is_put_out_with_an_amplifier_that_may_be_on() {
     let mut device = Device::started(Options::default());
-    let others = [
-        SelfTestRequest::Chip,
-        SelfTestRequest::OptionBytes,
-        SelfTestRequest::Clocks,
-        SelfTestRequest::ErrorCorrection,
-        SelfTestRequest::Rest,
-        SelfTestRequest::Encoder,
-        SelfTestRequest::Flash {
-            slot: SlotId::B,
-            erases_library: true,
-        },
-    ];
     for wired in [false, true] {
         device.set(Setting::EnableWired, f32::from(u8::from(wired)));
-        let outputs = [false, true].map(|disconnected| SelfTestRequest::Output { disconnected });
-        for request in others.into_iter().chain(outputs) {
+        let unsaid = SelfTestRequest::Output { disconnected: false };
+        for request in MEASUREMENTS.into_iter().chain([unsaid]) {
             let before = device.dac().len();
             let answer = ask(&mut device, request);
             device.run_for(MS);
             let codes = &device.dac()[before..];
             let away = codes.iter().filter(|output| output.code != Some(MID_SCALE)).count();
-            let is_said = request == SelfTestRequest::Output { disconnected: true };
+            let is_said = request == OUTPUT;
             let is_output = matches!(request, SelfTestRequest::Output { .. });
             let may_move = is_said || is_output && wired;
             assert_eq!(away > 1_000, may_move, "{away} codes: {request:?}, {wired}");

@@ -1,13 +1,12 @@
-//! Settings on the image: nothing plays with guessed settings, and no setting is lost if a word of the flash fails or
-//! the power is cut.
+//! Settings on the image: nothing plays with guessed settings, and no setting is lost if a word of the flash fails.
 
 use model_format::link::{PlayEndpoint, PlayError, Setting};
 use stylus_app::settings::SETTINGS_RANGE;
 use stylus_boot::map::{FLASH, SECTOR_BYTES, WORD_BYTES};
 use virtual_stylus::Options;
-use virtual_stylus::model::flash::{Contents, Moment};
+use virtual_stylus::model::flash::Contents;
 
-use crate::device::{Device, is_drawn};
+use crate::device::Device;
 use crate::library;
 use crate::requests::play_request;
 
@@ -72,37 +71,4 @@ fn an_unreadable_word_of_a_copy_loses_no_setting_and_of_both_copies_silences() {
     device.reset_settings().expect("the flash can be erased");
     device.set_coil();
     assert_eq!(play(&mut device), Ok(()));
-}
-
-#[test]
-fn a_power_cut_at_any_operation_of_a_change_leaves_the_setting_before_or_the_new() {
-    let mut device = Device::started(library::options());
-    let before = device.set(Setting::HardLimit, 0.25);
-    let flash = device.stylus.flash();
-    // A record is 16 words, in two copies. Every run cuts the first and the last of these 32 operations.
-    let cases = (0..24).filter(|&case| is_drawn(case) || case == 0 || case == 23);
-    let wanted: Vec<(u64, Moment)> = cases
-        .map(|case| {
-            let number = 1 + case / 3 * 31 / 7;
-            let moments = [Moment::Before, Moment::During { seed: number }, Moment::After];
-            (number, moments[case as usize % 3])
-        })
-        .collect();
-    let count = wanted.len();
-    let mut device = Device::started(options(flash));
-    device.stylus.capture_power_cuts(wanted);
-    let after = device.set(Setting::HardLimit, 0.05);
-    let cuts = device.stylus.take_power_cuts();
-    assert_eq!(cuts.len(), count);
-    let mut found = [0; 2];
-    for cut in cuts {
-        let mut device = Device::started(library::after(cut.contents));
-        let now = device.settings();
-        assert!(now == before || now == after, "{now:?}");
-        found[usize::from(now == after)] += 1;
-        assert_eq!(device.status().settings.check_playable(), Ok(()));
-        let next = device.set(Setting::HardLimit, 0.125);
-        assert!((next.hard_limit().0 - 0.125).abs() < f32::EPSILON);
-    }
-    assert!(found.iter().all(|&count| count > 0), "{found:?}");
 }

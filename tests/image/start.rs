@@ -9,10 +9,9 @@ use model_format::link::{
     UploadBeginEndpoint, UploadError,
 };
 use stylus_board::ALL;
-use virtual_stylus::motion::Motion;
 use virtual_stylus::{Electrical, Options, ResetCause};
 
-use crate::device::{Device, MID_SCALE, MS, inject, long, product};
+use crate::device::{Device, MS, inject, long, product};
 use crate::library;
 use crate::requests::{announced, play_request};
 
@@ -47,8 +46,7 @@ fn register(device: &mut Device, instance: &'static str, offset: u64) -> u32 {
 
 /// Plays until the output is heard, and a little longer.
 fn plays(device: &mut Device) {
-    let motion = Motion::steady(120.0, 0.01);
-    device.stylus.set_motion(motion);
+    device.move_at(120.0);
     device.play_until_heard("lattice");
     device.run_for(50 * MS);
     device.keep_alive(false);
@@ -134,7 +132,7 @@ fn when_no_pll_locks_at_all_the_device_speaks_and_does_not_play() {
     // The device stays up, and no reset follows.
     device.run_for(1_000 * MS);
     assert_eq!(device.resets().len(), 2);
-    assert_eq!(device.sounds_from(0), 0);
+    assert_eq!(device.sounds_in(..), 0);
 }
 
 #[test]
@@ -146,8 +144,8 @@ fn an_external_clock_that_fails_in_mid_play_ends_at_mid_scale_and_is_not_used_ag
     device.keep_alive(false);
     device.stylus.fail_external_clock();
     device.run_for(400 * MS);
-    assert_eq!(device.sounds_from(failed_ns + MS), 0);
-    assert!(device.sounds_from(0) > 100, "it was heard before");
+    assert_eq!(device.sounds_in(failed_ns + MS..), 0);
+    assert!(device.sounds_in(..) > 100, "it was heard before");
     assert_eq!(device.resets(), [ResetCause::Software]);
     device.wait_for_start();
     let status = device.status();
@@ -196,7 +194,7 @@ fn after_three_quick_faults_the_device_speaks_and_does_not_play_until_a_person_r
     }
     assert!(seen[0] >= 5 && seen[1] >= 5, "{seen:?}");
     assert!(device.status().uptime_ms > 1_000);
-    assert_eq!(device.sounds_from(safe_ns), 0);
+    assert_eq!(device.sounds_in(safe_ns..), 0);
     // One more fault changes nothing. Only a person's reset does.
     let faulted_ns = device.stylus.now_ns();
     panics(&mut device);
@@ -220,7 +218,7 @@ fn silicon_of_revision_y_reads_its_library_whole() {
     let status = device.status();
     assert_eq!(status.library_crc32, announced(&library::small()).crc32);
     plays(&mut device);
-    assert!(device.sounds_from(0) > 100);
+    assert!(device.sounds_in(..) > 100);
 }
 
 #[test]
@@ -297,17 +295,7 @@ fn the_output_is_at_mid_scale_from_its_first_enable_until_play() {
     );
     device.slots();
     device.run_for(200 * MS);
-    let outputs = device.dac();
-    let driven: Vec<u16> = outputs.iter().filter_map(|output| output.code).collect();
-    assert!(driven.len() > 2_000, "{} outputs", driven.len());
-    assert!(driven.iter().all(|&code| code == MID_SCALE));
-    // Once the pin is driven, it stays driven.
-    let first = outputs.iter().position(|output| output.code.is_some());
-    assert!(
-        outputs[first.expect("it was driven")..]
-            .iter()
-            .all(|output| output.code.is_some())
-    );
+    device.assert_held_since_reset();
     // The start has written all of the AXI SRAM, because on a board a read of memory that was never written would fail.
     for address in AXI_SRAM.step_by(1024 - 4).chain([AXI_SRAM.end - 4]) {
         let word = device.stylus.read_word(address);

@@ -6,6 +6,7 @@ use virtual_stylus::model::flash::{BASE, BYTES, Kind, Operation, Stalls};
 
 use crate::device::{Device, long};
 use crate::library;
+use crate::marks::check_bounds;
 use crate::requests::announced;
 
 #[test]
@@ -34,6 +35,7 @@ fn a_full_upload_while_playing_and_streaming_moves_nothing_and_is_active_afterwa
     };
     assert!(operations.iter().any(is_erasure), "{operations:?}");
     device.assert_undisturbed();
+    check_bounds(device.status().marks);
 
     let activated = device.activate(committed.slot);
     assert_eq!(activated.library.crc32, announced(&large).crc32);

@@ -1,15 +1,12 @@
 //! Cables that are pulled and buses that are reset at any transaction. The device is enumerated again, the next command
 //! works, and the active library stays.
 
-use fake_stylus::library::chunks;
-use model_format::link::{MAX_CHUNK_BYTES, UploadBeginEndpoint, UploadChunkEndpoint, UploadCommitEndpoint};
 use virtual_stylus::Options;
 use virtual_stylus::model::usb::host::Mishap;
 use virtual_stylus::usb_host::Timing;
 
 use crate::device::{Device, MS, is_drawn};
 use crate::library;
-use crate::requests::announced;
 use crate::upload::state_of;
 
 const MISHAPS: [Mishap; 2] = [Mishap::Unplug, Mishap::Reset];
@@ -69,23 +66,6 @@ fn a_mishap_anywhere_in_an_enumeration_does_not_keep_the_next_one() {
     }
     println!("{points} points");
     assert!(points > 60, "{points} points");
-}
-
-/// Continues an upload of `library` until it is committed. Returns `None` if the link breaks before.
-pub fn go_on(device: &mut Device, library: &[u8]) -> Option<()> {
-    let begun = device
-        .try_request::<UploadBeginEndpoint>(&announced(library))?
-        .expect("the library fits a slot")
-        .next_offset;
-    for chunk in chunks(library, begun as usize, MAX_CHUNK_BYTES) {
-        device
-            .try_request::<UploadChunkEndpoint<'_>>(&chunk)?
-            .expect("the chunk that is due");
-    }
-    device
-        .try_request::<UploadCommitEndpoint>(&())?
-        .expect("a valid library");
-    Some(())
 }
 
 #[test]

@@ -160,7 +160,7 @@ impl VirtualStylus {
 
     /// Audits every `every`th tick instruction by instruction from now on.
     pub fn audit_ticks(&mut self, every: u64) {
-        self.ask(move |_, hands, _| hands.ticks.audit_every(Some(every)));
+        self.ask(move |_, hands, _| hands.ticks.audit_every(every));
     }
 
     /// Returns the audits of ticks since the last call.

@@ -80,8 +80,8 @@ impl TickWatch {
     }
 
     /// Audits every `every`th tick from now on, in addition to the ticks that are audited to find an unknown return.
-    pub fn audit_every(&mut self, every: Option<u64>) {
-        self.audit_every = every;
+    pub fn audit_every(&mut self, every: u64) {
+        self.audit_every = Some(every);
     }
 
     /// Returns the ticks since the last call, or since the run began.

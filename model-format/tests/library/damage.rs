@@ -57,15 +57,6 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(4096))]
 
     #[test]
-    fn appended_bytes_are_an_error(tail in vec(any::<u8>(), 1..64)) {
-        let mut bytes = RawLibrary::full().bytes();
-        bytes.extend(&tail);
-        repair(&mut bytes);
-        let error = Library::decode(&bytes).expect_err("something follows");
-        prop_assert_eq!(error.problem, Problem::LeftOver(tail.len()));
-    }
-
-    #[test]
     fn mutations_behind_a_repaired_checksum_give_a_sound_library_or_an_error(
         changes in vec((any::<Index>(), mutation()), 1..6),
     ) {

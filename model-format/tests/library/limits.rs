@@ -3,7 +3,7 @@
 use model_format::limits::{MAX_AXIS_LEN, MAX_LIBRARY_BYTES, MAX_NAME_BYTES, MAX_ORDER, MAX_TEXTURES};
 use model_format::{Library, encode};
 
-use crate::bytes::{PREFIX_BYTES, RawLibrary, RawNode, RawTexture, repair};
+use crate::bytes::{RawLibrary, RawNode, RawTexture};
 use crate::faults::refused;
 use crate::walk::content;
 
@@ -37,26 +37,6 @@ fn the_size_of_the_whole_is_judged_before_its_checksum() {
     library.crc32 = Some(0);
     library.tail = vec![0; MAX_LIBRARY_BYTES];
     tells(&library, "its length in bytes");
-}
-
-/// Declared lengths beyond the end of the bytes, up to the largest that the encoding can hold. No memory is reserved
-/// for them.
-#[test]
-fn declared_lengths_beyond_the_end_are_errors() {
-    for length in [
-        &[0x7f_u8][..],
-        &[0xff, 0xff, 0x7f],
-        &[0xff, 0xff, 0xff, 0xff, 0x0f],
-        &[0xff; 12],
-    ] {
-        let mut bytes = RawLibrary::sound().bytes();
-        bytes.truncate(PREFIX_BYTES);
-        bytes.push(1);
-        bytes.extend(length);
-        bytes.extend(b"short");
-        repair(&mut bytes);
-        assert_eq!(refused(&bytes), "texture 0: its header does not parse");
-    }
 }
 
 /// Every limit is reached at once, as far as a slot's size allows. The whole library is read and written again.

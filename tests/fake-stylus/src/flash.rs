@@ -16,6 +16,7 @@ use model_format::limits::SLOT_BYTES;
 pub use stylus_app::flash::SECTOR_BYTES;
 use stylus_app::flash::WORD_BYTES;
 use stylus_app::slots::MappedFlash;
+use stylus_plant::chance::Chance;
 
 /// Content of the flash, which survives a loss of power.
 #[derive(Clone)]
@@ -30,8 +31,8 @@ pub struct Memory {
     marginal: BTreeMap<usize, u64>,
     /// A sector in which every operation meets a mishap.
     worn: Option<(usize, Mishap)>,
-    /// State of the random numbers that decide how unstable and marginal words read.
-    chance: u64,
+    /// Decides how unstable and marginal words read.
+    chance: Chance,
 }
 
 /// An operation on the flash.
@@ -104,7 +105,7 @@ impl Memory {
             unstable: BTreeMap::new(),
             marginal: BTreeMap::new(),
             worn: None,
-            chance: 1,
+            chance: Chance(1),
         }
     }
 
@@ -158,7 +159,7 @@ impl Memory {
                 let (mut manner, mut run) = (cut, 0);
                 for word in words {
                     if run == 0 {
-                        (manner, run) = (self.drawn(cut), 1 << self.below(13));
+                        (manner, run) = (self.drawn(cut), 1 << self.chance.below(13));
                     }
                     run -= 1;
                     self.change(word, [0xff; WORD_BYTES], manner, false);
@@ -174,7 +175,7 @@ impl Memory {
     /// Returns the state in which `cut` leaves a word or a run of words.
     fn drawn(&mut self, cut: Cut) -> Cut {
         match cut {
-            Cut::Mixed => Cut::WITH_UNSTABLE[self.below(5) as usize],
+            Cut::Mixed => Cut::WITH_UNSTABLE[self.chance.below(5) as usize],
             _ => cut,
         }
     }
@@ -241,30 +242,20 @@ impl Memory {
 
     /// Seeds the random numbers that decide how unstable and marginal words read.
     pub fn seed(&mut self, seed: u64) {
-        // Never zero, which xorshift would not leave.
-        self.chance = seed | 1;
-    }
-
-    /// Returns a random number below `bound`.
-    fn below(&mut self, bound: u64) -> u64 {
-        // Marsaglia's xorshift.
-        self.chance ^= self.chance << 13;
-        self.chance ^= self.chance >> 7;
-        self.chance ^= self.chance << 17;
-        (self.chance >> 11) % bound
+        self.chance = Chance(seed);
     }
 
     /// Returns the content of `word` for this read; `None` if the word faults.
     fn read_word(&mut self, word: usize) -> Option<[u8; WORD_BYTES]> {
         let share = self.marginal.get(&word).copied();
-        if self.faulty[word] || share.is_some_and(|share| self.below(1000) < share) {
+        if self.faulty[word] || share.is_some_and(|share| self.chance.below(1000) < share) {
             return None;
         }
         let stable = *self.bytes[word * WORD_BYTES..].first_chunk()?;
         let Some([old, new]) = self.unstable.get(&word).copied() else {
             return Some(stable);
         };
-        match self.below(4) {
+        match self.chance.below(4) {
             0 => None,
             1 => Some(old),
             2 => Some(new),

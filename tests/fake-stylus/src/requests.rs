@@ -18,9 +18,12 @@ use stylus_app::requests::{self, Link, QUEUED_JOBS, QueuedJob, work};
 use crate::device::BoardOf;
 use crate::device::{SharedControl, Stores};
 
-/// Encodes `body` under `key` as one whole frame.
-pub fn frame(key: Key, mut header: VarHeader, body: &impl Serialize) -> Vec<u8> {
-    header.key = VarKey::Key8(key);
+/// Encodes `body` under `key`, with this sequence number, as one whole frame.
+pub fn frame(key: Key, number: u32, body: &impl Serialize) -> Vec<u8> {
+    let header = VarHeader {
+        key: VarKey::Key8(key),
+        seq_no: VarSeq::Seq4(number),
+    };
     let mut bytes = header.write_to_vec();
     bytes.extend(postcard::to_allocvec(body).expect("it fits in memory"));
     bytes
@@ -164,10 +167,6 @@ impl Requests {
     }
 
     fn send(&self, link: LinkId, key: Key, body: &impl Serialize) -> Option<Vec<u8>> {
-        let header = VarHeader {
-            key: VarKey::Key8(key),
-            seq_no: VarSeq::Seq4(1),
-        };
-        self.serve(link, &frame(key, header, body), false)
+        self.serve(link, &frame(key, 1, body), false)
     }
 }

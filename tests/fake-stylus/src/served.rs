@@ -482,11 +482,7 @@ fn catch_up(
 
 fn send_blocks(wires: &mut [Wire<'_>; 2], blocks: &[(LinkId, RecordBlock)], faults: &Faults) {
     for (id, block) in blocks {
-        let header = VarHeader {
-            key: VarKey::Key8(RecordBlockTopic::TOPIC_KEY),
-            seq_no: block.sequence.into(),
-        };
-        let frame = frame(RecordBlockTopic::TOPIC_KEY, header, block);
+        let frame = frame(RecordBlockTopic::TOPIC_KEY, block.sequence, block);
         if let Some(open) = connection_of(wires, *id) {
             open.block(&frame, faults);
         }

@@ -21,7 +21,7 @@ use crate::requests::announced;
 use crate::scenes::force_code;
 use crate::self_test::quiet;
 use crate::update::{NAME, version};
-use crate::usb_mishaps::{arm, go_on, has_happened};
+use crate::usb_mishaps::{arm, has_happened};
 
 /// Longest time from a fault to the reset by the watchdog, and to the reset by a handler.
 const BITTEN_NS: u64 = 700 * MS;
@@ -244,7 +244,7 @@ fn mishap(world: &mut World) {
         };
         let transactions = 1 + world.below(400);
         arm(&mut world.device, mishap, transactions);
-        let committed = go_on(&mut world.device, &library);
+        let committed = world.device.try_upload(&library);
         if has_happened(&mut world.device) {
             world.pass(100);
             world.device.enumerate().expect("it enumerates");

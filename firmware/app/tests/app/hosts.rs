@@ -12,7 +12,6 @@ use model_format::link::{
     UploadChunkEndpoint,
 };
 use postcard_rpc::Endpoint;
-use postcard_rpc::header::{VarHeader, VarKey, VarSeq};
 use proptest::prelude::*;
 use stylus_app::TICKS_PER_MS;
 use stylus_app::control::Device;
@@ -312,12 +311,8 @@ fn a_chunk_that_is_too_long_counts_as_a_frame_that_could_not_be_decoded_and_as_n
     for (length, counted) in [(MAX_CHUNK_BYTES, [1, 0]), (MAX_CHUNK_BYTES + 1, [0, 1])] {
         let before = stylus.hardware().link;
         let data = &[0; MAX_CHUNK_BYTES + 1][..length];
-        let header = VarHeader {
-            key: VarKey::Key8(UploadChunkEndpoint::REQ_KEY),
-            seq_no: VarSeq::Seq4(1),
-        };
         let chunk = UploadChunk { offset: 0, data };
-        let frame = frame(UploadChunkEndpoint::REQ_KEY, header, &chunk);
+        let frame = frame(UploadChunkEndpoint::REQ_KEY, 1, &chunk);
         requests.serve(LinkId::Usb, &frame, false);
         let after = stylus.hardware().link;
         let counts = [after.frames - before.frames, after.malformed - before.malformed];

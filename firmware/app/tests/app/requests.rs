@@ -9,8 +9,8 @@ use fake_stylus::library::{announcement, chunks, library, texture};
 use model_format::limits::{self, MAX_ORDER};
 use model_format::link::{
     ActivateError, Activity, LINK_LOST_AFTER_MS, LinkId, MAX_PIN_MEAN_SQUARE, MotionSource, MuteReason, PlayError,
-    PlayRequest, RecordError, STALE_AFTER_MS, Selection, Setting, SettingSet, Settings, SettingsError, SettingsState,
-    SlotId, StopError, UploadChunk, UploadError,
+    PlayRequest, RecordError, STALE_AFTER_MS, Selection, Setting, SettingSet, SettingsError, SlotId, StopError,
+    UploadChunk, UploadError,
 };
 use model_format::scene::{Biquad, Region, Scene, StickSlip, Surface, Tap};
 use model_format::{DacCode, Library, PlayRate, encode, encode_with_scenes};
@@ -328,32 +328,6 @@ fn motion_that_stops_and_a_host_that_goes_are_silent_within_100_ms() {
         stylus.run(300);
         assert!(stylus.sounds());
     }
-}
-
-#[test]
-fn settings_change_at_rest_alone_and_reach_the_device() {
-    let mut stylus = playing();
-    let tighter = change(Setting::HardLimit, 0.25);
-    let changed = stylus.change_settings(&[tighter]);
-    assert_eq!(changed, Err(SettingsError::Playing));
-    assert_eq!(stylus.reset_settings(), Err(SettingsError::Playing));
-    stop(&stylus);
-    let set = stylus.change_settings(&[tighter]).expect("nothing is played");
-    assert_eq!(set.hard_limit().0, 0.25);
-    assert_eq!(stylus.control.borrow().settings(), set);
-    assert_eq!(stylus.hardware().settings, set);
-    let error = stylus.change_settings(&[change(Setting::HardLimit, 99.0)]);
-    assert!(matches!(error, Err(SettingsError::OutOfRange { .. })));
-    assert_eq!(stylus.control.borrow().settings(), set);
-    // After a reset nothing plays and the output stays at rest.
-    assert_eq!(stylus.reset_settings(), Ok(Settings::default()));
-    assert_eq!(stylus.control.borrow().settings(), Settings::default());
-    let missing = SettingSet::REQUIRED;
-    let refused = refusal(&stylus, play_request("texture 0"));
-    assert_eq!(refused, PlayError::SettingsNotSet { missing });
-    stylus.run(300);
-    assert!(!stylus.sounds());
-    assert_eq!(stylus.status().settings, SettingsState::default());
 }
 
 /// At each wait other tasks have their turn: the watchdog's feeder, the links, the poll that mutes.

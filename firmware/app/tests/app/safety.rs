@@ -405,14 +405,6 @@ fn the_hardware_that_the_image_is_built_for_stays_below_the_cap_of_power() {
     let square = f64::from(MAX_PIN_MEAN_SQUARE) * f64::from(BUILT_FOR_GAIN).powi(2);
     let watt = square / f64::from(BUILT_FOR_OHM);
     assert!((watt - f64::from(MAX_COIL_POWER_WATT)).abs() < 1e-6);
-    let told = with(&[
-        (Setting::AmplifierGain, BUILT_FOR_GAIN),
-        (Setting::CoilResistance, BUILT_FOR_OHM),
-        (Setting::PowerLimit, 0.25),
-    ]);
-    let limits = Config::new(&told, 1.0).output_limits(&told);
-    assert!(!limits.is_capped && (limits.coil_watt - 0.25).abs() < 1e-6);
-    assert!((f64::from(limits.mean_square) / f64::from(MAX_PIN_MEAN_SQUARE) - 0.25).abs() < 1e-6);
 }
 
 #[test]

@@ -7,7 +7,7 @@ use stylus_kernel::feed::{Feed, Material};
 use stylus_kernel::grid::GridPoint;
 use stylus_kernel::lattice::LatticeState;
 use stylus_kernel::scene::{Plan, ScenePlayer};
-use stylus_kernel::{Frame, Levels, MAX_FED_SAMPLES, Playback, Synthesis};
+use stylus_kernel::{Frame, Levels, Playback};
 
 use crate::fed::{all_parts, alternating, bare, bare_of, decibels, encoded, fed_h3, mean_square};
 use crate::models::{motion, texture};
@@ -23,33 +23,13 @@ fn textures() -> Vec<TextureSpec> {
     std::iter::once(resonant("plain", 110.0)).chain(fed).collect()
 }
 
-fn library() -> Vec<u8> {
+pub fn library() -> Vec<u8> {
     encode_with_scenes(&textures(), &[]).expect("valid textures")
 }
 
 fn plan<'a>(bytes: &'a [u8], scene: &Scene) -> Plan<'a> {
     let library = Library::decode(bytes).expect("a valid library");
     Plan::new(scene, &library).expect("a valid scene")
-}
-
-#[test]
-fn a_scene_of_one_texture_plays_what_the_texture_does() {
-    for parts in all_parts() {
-        let bytes = encoded(fed_h3(parts));
-        let mut alone: Synthesis<'_> = Synthesis::new(texture(&bytes), 3);
-        let mut scene: ScenePlayer<'_> = ScenePlayer::new(Plan::of_texture(texture(&bytes)), 3);
-        for block in 0..400u16 {
-            // Some motions stay for several blocks, and some blocks are short or long.
-            let motion = motion(60.0 + f32::from(block / 3 % 30), 0.75);
-            let samples = [10, 1, 7, MAX_FED_SAMPLES as u32][usize::from(block % 4)];
-            scene.follow(at(0.0, motion), samples);
-            alone.follow(motion, samples);
-            for _ in 0..samples {
-                assert_eq!(alone.next_sample(), scene.next_sample());
-            }
-        }
-        assert_eq!(scene.saturations(), 0);
-    }
 }
 
 /// Tests every pair of parts: both voices in a transition, each alone far from it, and the way back. The two voices

@@ -6,8 +6,9 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use stylus_kernel::scene::cost::{self, Item};
 use stylus_kernel::scene::{ContactDetector, ContactThreshold, Interaction, Plan, ScenePlayer, Stage};
-use stylus_kernel::{Motion, Synthesis, UPDATE_INTERVAL_SAMPLES};
+use stylus_kernel::{MAX_FED_SAMPLES, Motion, Synthesis, UPDATE_INTERVAL_SAMPLES};
 
+use crate::fed_scene;
 use crate::models::motion;
 use crate::scenes::{
     at, biquad, block, largest_step, library, lifted, moving, name, peak, plan, player, side_by_side, tap,
@@ -44,35 +45,29 @@ proptest! {
     #[test]
     fn one_surface_without_effects_is_its_texture_bit_for_bit(
         seed: u64,
-        steps in vec((any_motion(), 1u32..=UPDATE_INTERVAL_SAMPLES, 1usize..4), 1..30),
+        steps in vec((any_motion(), 1..=MAX_FED_SAMPLES as u32, 1usize..4), 1..30),
     ) {
-        let bytes = library(&[]);
-        for (index, texture) in Library::decode(&bytes).expect("a valid library").textures().enumerate() {
-            let mut synthesis: Synthesis<'_> = Synthesis::new(texture, seed);
-            let mut plain: ScenePlayer<'_> = ScenePlayer::new(Plan::of_texture(texture), seed);
-            let mut scene = player(&bytes, &single(index as u8), seed);
-            synthesis.follow(moving(), UPDATE_INTERVAL_SAMPLES);
-            let begun: Vec<f64> = (0..UPDATE_INTERVAL_SAMPLES)
-                .map(|_| f64::from(synthesis.next_sample().metres_per_second_squared().0))
-                .collect();
-            for player in [&mut plain, &mut scene] {
-                let first = block(player, at(0.0, moving()));
-                prop_assert_eq!(&first, &begun);
-            }
-            for &(motion, samples, times) in &steps {
-                for _ in 0..times {
-                    synthesis.follow(motion, UPDATE_INTERVAL_SAMPLES);
-                    plain.follow(Interaction::touching(motion), UPDATE_INTERVAL_SAMPLES);
-                    scene.follow(at(12.0, motion), UPDATE_INTERVAL_SAMPLES);
-                    for _ in 0..samples {
-                        let expected = synthesis.next_sample();
-                        prop_assert_eq!(plain.next_sample(), expected);
-                        prop_assert_eq!(scene.next_sample(), expected);
+        for bytes in [library(&[]), fed_scene::library()] {
+            for (index, texture) in Library::decode(&bytes).expect("a valid library").textures().enumerate() {
+                let mut synthesis: Synthesis<'_> = Synthesis::new(texture, seed);
+                let mut plain: ScenePlayer<'_> = ScenePlayer::new(Plan::of_texture(texture), seed);
+                let mut scene = player(&bytes, &single(index as u8), seed);
+                for &(motion, samples, times) in &steps {
+                    for _ in 0..times {
+                        let followed = samples.max(UPDATE_INTERVAL_SAMPLES);
+                        synthesis.follow(motion, followed);
+                        plain.follow(Interaction::touching(motion), followed);
+                        scene.follow(at(12.0, motion), followed);
+                        for _ in 0..samples {
+                            let expected = synthesis.next_sample();
+                            prop_assert_eq!(plain.next_sample(), expected);
+                            prop_assert_eq!(scene.next_sample(), expected);
+                        }
+                        prop_assert_eq!(scene.block().stages().len(), 1);
                     }
-                    prop_assert_eq!(scene.block().stages().len(), 1);
                 }
+                prop_assert_eq!(scene.saturations(), synthesis.saturations());
             }
-            prop_assert_eq!(scene.saturations(), synthesis.saturations());
         }
     }
 }

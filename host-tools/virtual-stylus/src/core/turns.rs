@@ -5,10 +5,10 @@
 //! processor that has translated little, and takes the state back afterwards. Accesses to the bank's registers show
 //! when.
 
-use rigless::emulator::{
-    Access, AccessKind, BitAlias, Checked, CoreBus, DataModel, Error, Exit, HostCall, InterruptLine, Processor, Queued,
-};
-use rigless::soc::{Endian, Width};
+use std::ops::{Deref, DerefMut};
+
+use rigless::emulator::{Access, AccessKind, Checked, CoreBus, Error, Exit, InterruptLine, Processor, Queued};
+use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 
 use super::FLASH_STATUS;
@@ -61,7 +61,8 @@ fn is_of_memory(queued: Queued) -> bool {
     matches!(queued, Queued::Invalidate(..) | Queued::Route(_) | Queued::Unroute(_))
 }
 
-/// One processor per [`Turn`], in its order. Only one of them holds the machine's state at a time.
+/// One processor per [`Turn`], in its order. Only one of them holds the machine's state at a time: the one that this
+/// dereferences to. The methods here are those of [`Processor`] that concern more than one.
 #[derive(Debug)]
 pub(super) struct Turns {
     processors: [Box<dyn Processor>; 3],
@@ -80,16 +81,8 @@ impl Turns {
     /// Returns true if the MPU is on.
     pub(super) fn is_protected(&mut self) -> bool {
         let now = VirtualNanos(0);
-        let control = (self.active_mut()).debugger_access(None, MPU_CTRL, Width::W32, now);
+        let control = self.debugger_access(None, MPU_CTRL, Width::W32, now);
         control.is_some_and(|control| control & MPU_ENABLE != 0)
-    }
-
-    fn active(&self) -> &dyn Processor {
-        &*self.processors[self.turn as usize]
-    }
-
-    fn active_mut(&mut self) -> &mut dyn Processor {
-        &mut *self.processors[self.turn as usize]
     }
 
     /// Hands the state over to another processor, unless the MPU is off. While it is off, ITCM can be written, and each
@@ -98,7 +91,7 @@ impl Turns {
         if next == self.turn || !self.is_protected() {
             return;
         }
-        let state = self.active().save();
+        let state = self.save();
         // Without the hand-over the run only becomes slower.
         if self.processors[next as usize].load(&state).is_ok() {
             self.turn = next;
@@ -112,6 +105,91 @@ impl Turns {
                 processor.ask(queued);
             }
         }
+    }
+
+    pub(super) fn run(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
+        let turn = self.turn;
+        let mut followed = FollowedBus {
+            bus,
+            turn,
+            next: turn,
+            asked: Vec::new(),
+        };
+        let ran = self.processors[turn as usize].run(budget, &mut followed);
+        let FollowedBus { next, asked, .. } = followed;
+        // The processor that ran has taken these itself; the others must know the same memory when their turn comes.
+        for queued in asked {
+            self.ask_others(queued);
+        }
+        self.hand_over(next);
+        ran
+    }
+
+    pub(super) fn ask(&mut self, queued: Queued) {
+        if is_of_memory(queued) {
+            self.ask_others(queued);
+        }
+        (**self).ask(queued);
+    }
+
+    #[expect(
+        unsafe_code,
+        reason = "the emulator's trait hands memory over by pointer; here it is only passed on"
+    )]
+    pub(super) unsafe fn map(&mut self, start: u64, length: u64, host: *mut u8, writable: bool) {
+        for processor in &mut self.processors {
+            // SAFETY: the caller gives this method the promises that each processor's method requires. All processors
+            // are dropped together with this one, so every promise that lasts until the drop lasts long enough. Only
+            // one runs at a time.
+            unsafe { processor.map(start, length, host, writable) }
+        }
+    }
+
+    pub(super) fn reset(&mut self) {
+        // The saved state includes everything that a reset keeps.
+        let state = self.save();
+        for processor in &mut self.processors {
+            processor.load(&state).expect("a state of this machine");
+            processor.reset();
+        }
+        self.turn = Turn::Usual;
+    }
+
+    pub(super) fn add_breakpoint(&mut self, address: u64) -> bool {
+        let mut processors = self.processors.iter_mut();
+        processors.all(|processor| processor.add_breakpoint(address))
+    }
+
+    pub(super) fn remove_breakpoint(&mut self, address: u64) {
+        for processor in &mut self.processors {
+            processor.remove_breakpoint(address);
+        }
+    }
+
+    pub(super) fn check_reads(&mut self, every: bool) {
+        for processor in &mut self.processors {
+            processor.check_reads(every);
+        }
+    }
+
+    pub(super) fn check_words(&mut self, words: &[u64]) {
+        for processor in &mut self.processors {
+            processor.check_words(words);
+        }
+    }
+}
+
+impl Deref for Turns {
+    type Target = dyn Processor;
+
+    fn deref(&self) -> &Self::Target {
+        &*self.processors[self.turn as usize]
+    }
+}
+
+impl DerefMut for Turns {
+    fn deref_mut(&mut self) -> &mut Self::Target {
+        &mut *self.processors[self.turn as usize]
     }
 }
 
@@ -170,159 +248,5 @@ impl CoreBus for FollowedBus<'_> {
 
     fn send_trace(&mut self, bytes: &[u8]) {
         self.bus.send_trace(bytes);
-    }
-}
-
-// Methods that only a debugger calls are left out, because none attaches to this core.
-impl Processor for Turns {
-    fn run(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
-        let turn = self.turn;
-        let mut followed = FollowedBus {
-            bus,
-            turn,
-            next: turn,
-            asked: Vec::new(),
-        };
-        let ran = self.processors[turn as usize].run(budget, &mut followed);
-        let FollowedBus { next, asked, .. } = followed;
-        // The processor that ran has taken these itself; the others must know the same memory when their turn comes.
-        for queued in asked {
-            self.ask_others(queued);
-        }
-        self.hand_over(next);
-        ran
-    }
-
-    fn retired(&self) -> u64 {
-        self.active().retired()
-    }
-
-    fn ask(&mut self, queued: Queued) {
-        if is_of_memory(queued) {
-            self.ask_others(queued);
-        }
-        self.active_mut().ask(queued);
-    }
-
-    fn maps(&self, start: u64, length: u64) -> bool {
-        self.active().maps(start, length)
-    }
-
-    fn page_size(&self) -> u64 {
-        self.active().page_size()
-    }
-
-    #[expect(
-        unsafe_code,
-        reason = "the emulator's trait hands memory over by pointer; here it is only passed on"
-    )]
-    unsafe fn map(&mut self, start: u64, length: u64, host: *mut u8, writable: bool) {
-        for processor in &mut self.processors {
-            // SAFETY: the caller gives this method the promises that each processor's method requires. All processors
-            // are dropped together with this one, so every promise that lasts until the drop lasts long enough. Only
-            // one runs at a time.
-            unsafe { processor.map(start, length, host, writable) }
-        }
-    }
-
-    fn boot(&mut self, table: u64, read: &dyn Fn(u64, Width) -> Option<u64>) {
-        self.active_mut().boot(table, read);
-    }
-
-    fn reset(&mut self) {
-        // The saved state includes everything that a reset keeps.
-        let state = self.active().save();
-        for processor in &mut self.processors {
-            processor.load(&state).expect("a state of this machine");
-            processor.reset();
-        }
-        self.turn = Turn::Usual;
-    }
-
-    fn take_reset_request(&mut self) -> bool {
-        self.active_mut().take_reset_request()
-    }
-
-    fn next_event(&self) -> Option<VirtualNanos> {
-        self.active().next_event()
-    }
-
-    fn on_event(&mut self, now: VirtualNanos) {
-        self.active_mut().on_event(now);
-    }
-
-    fn waiting(&self) -> bool {
-        self.active().waiting()
-    }
-
-    fn pc(&self) -> u64 {
-        self.active().pc()
-    }
-
-    fn add_breakpoint(&mut self, address: u64) -> bool {
-        let mut processors = self.processors.iter_mut();
-        processors.all(|processor| processor.add_breakpoint(address))
-    }
-
-    fn remove_breakpoint(&mut self, address: u64) {
-        for processor in &mut self.processors {
-            processor.remove_breakpoint(address);
-        }
-    }
-
-    fn pass_breakpoint(&mut self, address: u64) {
-        self.active_mut().pass_breakpoint(address);
-    }
-
-    fn gdb_register(&self, number: usize) -> Option<Vec<u8>> {
-        self.active().gdb_register(number)
-    }
-
-    fn debugger_access(&mut self, write: Option<u64>, address: u64, width: Width, now: VirtualNanos) -> Option<u64> {
-        (self.active_mut()).debugger_access(write, address, width, now)
-    }
-
-    fn data_model(&self) -> DataModel {
-        self.active().data_model()
-    }
-
-    fn byte_order(&self, address: u64) -> Endian {
-        self.active().byte_order(address)
-    }
-
-    fn save(&self) -> Vec<u8> {
-        self.active().save()
-    }
-
-    fn load(&mut self, bytes: &[u8]) -> Result<(), Error> {
-        self.active_mut().load(bytes)
-    }
-
-    fn bit_alias(&self, address: u64, width: Width) -> Option<BitAlias> {
-        self.active().bit_alias(address, width)
-    }
-
-    fn own_ranges(&self) -> Vec<std::ops::Range<u64>> {
-        self.active().own_ranges()
-    }
-
-    fn check_reads(&mut self, every: bool) {
-        for processor in &mut self.processors {
-            processor.check_reads(every);
-        }
-    }
-
-    fn check_words(&mut self, words: &[u64]) {
-        for processor in &mut self.processors {
-            processor.check_words(words);
-        }
-    }
-
-    fn host_call(&self, read: &mut dyn FnMut(u64, Width) -> Option<u64>) -> Option<HostCall> {
-        self.active().host_call(read)
-    }
-
-    fn answer_host_call(&mut self, answer: Option<u64>) {
-        self.active_mut().answer_host_call(answer);
     }
 }

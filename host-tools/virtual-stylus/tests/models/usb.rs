@@ -6,73 +6,41 @@ use virtual_stylus::Electrical;
 use virtual_stylus::model::usb::WINDOW_BASE;
 use virtual_stylus::model::usb::core::{Core, Handshake, InAnswer, Pid};
 use virtual_stylus::model::usb::host::{Host, Transfer};
+use virtual_stylus::model::usb::registers::*;
 
 use crate::bench::{AHB1ENR, EmulatedPart, RCC};
 
-const GAHBCFG: u64 = 0x008;
-const GRSTCTL: u64 = 0x010;
-const GINTSTS: u64 = 0x014;
-const GINTMSK: u64 = 0x018;
-const GRXSTSR: u64 = 0x01C;
-const GRXSTSP: u64 = 0x020;
-const GRXFSIZ: u64 = 0x024;
-const DIEPTXF0: u64 = 0x028;
-const GCCFG: u64 = 0x038;
-const DIEPTXF1: u64 = 0x104;
-const GOTGCTL: u64 = 0x000;
-const DCTL: u64 = 0x804;
-const DSTS: u64 = 0x808;
-const DIEPMSK: u64 = 0x810;
-const DOEPMSK: u64 = 0x814;
-const DAINT: u64 = 0x818;
-const DAINTMSK: u64 = 0x81C;
-const FIFO0: u64 = 0x1000;
-const FIFO1: u64 = 0x2000;
-
-const RXFLVL: u32 = 1 << 4;
-const USBSUSP: u32 = 1 << 11;
-const USBRST: u32 = 1 << 12;
-const ENUMDNE: u32 = 1 << 13;
-const IEPINT: u32 = 1 << 18;
-const OEPINT: u32 = 1 << 19;
 /// `MPSIZ`: 64 bytes.
 const PACKET: u32 = 0x40;
-const USBAEP: u32 = 1 << 15;
-const NAKSTS: u32 = 1 << 17;
 const BULK: u32 = 2 << 18;
-const STALL: u32 = 1 << 21;
-const CNAK: u32 = 1 << 26;
-const SNAK: u32 = 1 << 27;
-const SD0PID: u32 = 1 << 28;
-const EPDIS: u32 = 1 << 30;
-const EPENA: u32 = 1 << 31;
 
-/// Registers of endpoints 0 and 1.
-const DIEPCTL0: u64 = 0x900;
-const DIEPCTL1: u64 = 0x920;
-const DIEPINT1: u64 = 0x928;
-const DIEPTSIZ1: u64 = 0x930;
-const DOEPCTL0: u64 = 0xB00;
-const DOEPCTL1: u64 = 0xB20;
-const DOEPINT0: u64 = 0xB08;
-const DOEPTSIZ1: u64 = 0xB30;
-const DTXFSTS1: u64 = 0x938;
+const DIEPCTL1: u64 = DIEP0 + ENDPOINT_STEP;
+const DIEPINT1: u64 = DIEPCTL1 + INT;
+const DIEPTSIZ1: u64 = DIEPCTL1 + TSIZ;
+const DTXFSTS1: u64 = DIEPCTL1 + TXFSTS;
+const DOEPCTL1: u64 = DOEP0 + ENDPOINT_STEP;
+const DOEPTSIZ1: u64 = DOEPCTL1 + TSIZ;
+const DOEPINT0: u64 = DOEP0 + INT;
+const FIFO1: u64 = FIFO0 + FIFO_STEP;
 
 /// A core with endpoint 1 in use in both directions, its FIFOs configured, and all interrupts unmasked.
 fn configured() -> Core {
     let mut core = Core::default();
-    let bulk = PACKET | USBAEP | BULK | SD0PID;
+    let bulk = PACKET | EPCTL_USBAEP | BULK | EPCTL_SD0PID;
     for (register, value) in [
         (GRXFSIZ, 64),
         (DIEPTXF0, 16 << 16 | 64),
         (DIEPTXF1, 16 << 16 | 0x50),
-        (GINTMSK, RXFLVL | USBRST | ENUMDNE | IEPINT | OEPINT),
+        (
+            GINTMSK,
+            GINTSTS_RXFLVL | GINTSTS_USBRST | GINTSTS_ENUMDNE | GINTSTS_IEPINT | GINTSTS_OEPINT,
+        ),
         (GAHBCFG, 1),
         (DIEPMSK, 1),
         (DOEPMSK, 1 << 3 | 1),
         (DAINTMSK, u32::MAX),
-        (DIEPCTL1, bulk | 1 << 22 | SNAK),
-        (DOEPCTL1, bulk | CNAK | EPENA),
+        (DIEPCTL1, bulk | 1 << 22 | EPCTL_SNAK),
+        (DOEPCTL1, bulk | EPCTL_CNAK | EPCTL_EPENA),
         (DOEPTSIZ1, 1 << 19 | 64),
     ] {
         core.write(register, value);
@@ -85,7 +53,7 @@ fn configured() -> Core {
 fn send(core: &mut Core, words: &[u32], bytes: u32) {
     core.write(DIEPTSIZ1, 1 << 19 | bytes);
     let control = core.peek(DIEPCTL1);
-    core.write(DIEPCTL1, control | CNAK | EPENA);
+    core.write(DIEPCTL1, control | EPCTL_CNAK | EPCTL_EPENA);
     for &word in words {
         core.write(FIFO1, word);
     }
@@ -94,7 +62,7 @@ fn send(core: &mut Core, words: &[u32], bytes: u32) {
 /// Empties the receive FIFO. Returns the kind of each status, with the words that belong to it.
 fn drain(core: &mut Core) -> Vec<(u32, Vec<u32>)> {
     let mut entries = Vec::new();
-    while core.peek(GINTSTS) & RXFLVL != 0 {
+    while core.peek(GINTSTS) & GINTSTS_RXFLVL != 0 {
         let peeked = core.peek(GRXSTSR);
         let status = core.read(GRXSTSP);
         assert_eq!(status, peeked);
@@ -108,22 +76,26 @@ fn drain(core: &mut Core) -> Vec<(u32, Vec<u32>)> {
 #[test]
 fn a_setup_is_taken_whatever_its_endpoint_does_and_is_complete_with_the_next_token() {
     let mut core = configured();
-    core.write(DIEPCTL0, STALL);
-    core.write(DOEPCTL0, STALL | SNAK);
+    core.write(DIEP0, EPCTL_STALL);
+    core.write(DOEP0, EPCTL_STALL | EPCTL_SNAK);
     assert_eq!(core.answer_in(0), Some(InAnswer::Stall));
     assert_eq!(core.setup([1, 2, 3, 4, 5, 6, 7, 8]), Some(Handshake::Ack));
     assert_eq!(core.answer_in(0), Some(InAnswer::Nak), "a SETUP ends the stall");
     assert_eq!(drain(&mut core), [(0b0110, vec![0x0403_0201, 0x0807_0605])]);
     assert_eq!(core.peek(DOEPINT0) & 1 << 3, 0);
     assert_eq!(core.token_in(0), Some(InAnswer::Nak));
-    assert_eq!(core.peek(GINTSTS) & OEPINT, 0, "the entry has to be popped first");
+    assert_eq!(
+        core.peek(GINTSTS) & GINTSTS_OEPINT,
+        0,
+        "the entry has to be popped first"
+    );
     assert_eq!(drain(&mut core), [(0b0100, vec![])]);
     assert_eq!(core.peek(DOEPINT0) & 1 << 3, 1 << 3);
     assert_eq!(core.peek(DAINT), 1 << 16);
-    assert_ne!(core.peek(GINTSTS) & OEPINT, 0);
+    assert_ne!(core.peek(GINTSTS) & GINTSTS_OEPINT, 0);
     assert!(core.interrupt());
     core.write(DOEPINT0, 1 << 3);
-    assert_eq!(core.peek(GINTSTS) & OEPINT, 0);
+    assert_eq!(core.peek(GINTSTS) & GINTSTS_OEPINT, 0);
 }
 
 #[test]
@@ -132,14 +104,14 @@ fn an_out_endpoint_takes_what_it_was_set_up_for_and_refuses_until_its_nak_is_cle
     let packet: Vec<u8> = (0..64).collect();
     assert_eq!(core.out(1, Pid::Data0, &packet), Some(Handshake::Ack));
     assert_eq!(core.out(1, Pid::Data1, &packet), Some(Handshake::Nak));
-    assert_ne!(core.peek(DOEPCTL1) & NAKSTS, 0);
+    assert_ne!(core.peek(DOEPCTL1) & EPCTL_NAKSTS, 0);
     let entries = drain(&mut core);
     assert_eq!(entries[0].0, 0b0010);
     assert_eq!((entries[0].1[0], entries[0].1[15]), (0x0302_0100, 0x3F3E_3D3C));
     assert_eq!(entries[1], (0b0011, vec![]));
-    assert_eq!(core.peek(DOEPCTL1) & EPENA, 0, "the transfer is complete");
+    assert_eq!(core.peek(DOEPCTL1) & EPCTL_EPENA, 0, "the transfer is complete");
     core.write(DOEPTSIZ1, 1 << 19 | 64);
-    core.write(DOEPCTL1, core.peek(DOEPCTL1) | CNAK);
+    core.write(DOEPCTL1, core.peek(DOEPCTL1) | EPCTL_CNAK);
     // The host sends the same packet again because the acknowledgement was lost.
     assert_eq!(core.out(1, Pid::Data0, &packet), Some(Handshake::Ack));
     assert_eq!(drain(&mut core), [], "it is acknowledged and dropped");
@@ -153,7 +125,7 @@ fn a_receive_fifo_without_room_refuses_data() {
     core.write(GRXFSIZ, 20);
     assert_eq!(core.out(1, Pid::Data0, &[0; 64]), Some(Handshake::Ack));
     core.write(DOEPTSIZ1, 1 << 19 | 64);
-    core.write(DOEPCTL1, core.peek(DOEPCTL1) | CNAK);
+    core.write(DOEPCTL1, core.peek(DOEPCTL1) | EPCTL_CNAK);
     assert_eq!(core.out(1, Pid::Data1, &[0; 64]), Some(Handshake::Nak));
     drain(&mut core);
     assert_eq!(core.out(1, Pid::Data1, &[0; 64]), Some(Handshake::Ack));
@@ -173,12 +145,12 @@ fn an_in_endpoint_sends_whole_packets_and_again_until_they_are_acknowledged() {
     let answer = Some(InAnswer::Data(Pid::Data0, vec![1, 2, 3, 4, 5, 6]));
     assert_eq!(core.token_in(1), answer);
     assert_eq!(core.token_in(1), answer, "without an acknowledgement the same again");
-    assert_eq!(core.peek(DIEPCTL1) & EPENA, EPENA);
+    assert_eq!(core.peek(DIEPCTL1) & EPCTL_EPENA, EPCTL_EPENA);
     core.acknowledged(1);
-    assert_eq!(core.peek(DIEPCTL1) & EPENA, 0);
+    assert_eq!(core.peek(DIEPCTL1) & EPCTL_EPENA, 0);
     assert_eq!(core.peek(DIEPINT1) & 1, 1);
     assert_eq!(core.peek(DAINT), 1 << 1);
-    assert_ne!(core.peek(GINTSTS) & IEPINT, 0);
+    assert_ne!(core.peek(GINTSTS) & GINTSTS_IEPINT, 0);
     assert_eq!(core.token_in(1), Some(InAnswer::Nak));
     // An empty packet follows, with the other toggle.
     send(&mut core, &[], 0);
@@ -191,9 +163,13 @@ fn a_disabled_or_flushed_in_endpoint_sends_nothing() {
     send(&mut core, &[7], 4);
     core.write(GRSTCTL, 1 << 5 | 1 << 6);
     assert_eq!(core.token_in(1), Some(InAnswer::Nak));
-    assert_eq!(core.peek(DIEPCTL1) & EPENA, EPENA, "a flush does not disable it");
-    core.write(DIEPCTL1, core.peek(DIEPCTL1) | SNAK | EPDIS);
-    assert_eq!(core.peek(DIEPCTL1) & EPENA, 0);
+    assert_eq!(
+        core.peek(DIEPCTL1) & EPCTL_EPENA,
+        EPCTL_EPENA,
+        "a flush does not disable it"
+    );
+    core.write(DIEPCTL1, core.peek(DIEPCTL1) | EPCTL_SNAK | EPCTL_EPDIS);
+    assert_eq!(core.peek(DIEPCTL1) & EPCTL_EPENA, 0);
     assert_eq!(core.peek(DIEPINT1) & 2, 2);
     send(&mut core, &[8], 4);
     assert_eq!(core.token_in(1), Some(InAnswer::Data(Pid::Data0, vec![8, 0, 0, 0])));
@@ -249,16 +225,19 @@ fn a_pull_up_is_seen_while_the_cable_is_in_and_silence_suspends_with_or_without_
     let mut bench = part(0);
     connect(&mut bench);
     bench.wait(2_900_000);
-    assert_eq!(read(&mut bench, GINTSTS) & USBSUSP, 0);
+    assert_eq!(read(&mut bench, GINTSTS) & GINTSTS_USBSUSP, 0);
     bench.wait(200_000);
-    assert_eq!(read(&mut bench, GINTSTS) & USBSUSP, USBSUSP);
+    assert_eq!(read(&mut bench, GINTSTS) & GINTSTS_USBSUSP, GINTSTS_USBSUSP);
     assert_eq!(read(&mut bench, DSTS) & 1, 1);
     assert!(!drive(&mut bench, |host, _| host.sees_device()));
     drive(&mut bench, Host::plug);
     assert!(drive(&mut bench, |host, _| host.sees_device()));
     drive(&mut bench, |host, now_ns| host.reset_bus(now_ns, 10 * MS));
     bench.wait(11 * MS);
-    assert_eq!(read(&mut bench, GINTSTS) & (USBRST | ENUMDNE), USBRST | ENUMDNE);
+    assert_eq!(
+        read(&mut bench, GINTSTS) & (GINTSTS_USBRST | GINTSTS_ENUMDNE),
+        GINTSTS_USBRST | GINTSTS_ENUMDNE
+    );
     assert_eq!(read(&mut bench, DSTS) & 1, 0);
     // Frames are counted, one per millisecond.
     let frame = read(&mut bench, DSTS) >> 8 & 0x3FFF;
@@ -282,7 +261,10 @@ fn taken(per_million: u64, frames: u64) -> (u64, Vec<u8>) {
     });
     for (register, value) in [
         (GRXFSIZ, 64),
-        (DOEPCTL1, u64::from(PACKET | USBAEP | BULK | SD0PID | CNAK)),
+        (
+            DOEPCTL1,
+            u64::from(PACKET | EPCTL_USBAEP | BULK | EPCTL_SD0PID | EPCTL_CNAK),
+        ),
     ] {
         bench.write(WINDOW_BASE + register, value);
     }
@@ -290,13 +272,13 @@ fn taken(per_million: u64, frames: u64) -> (u64, Vec<u8>) {
     let mut numbers = Vec::new();
     while bench.now < until {
         bench.step(until);
-        while read(&mut bench, GINTSTS) & RXFLVL != 0 {
+        while read(&mut bench, GINTSTS) & GINTSTS_RXFLVL != 0 {
             let status = read(&mut bench, GRXSTSP);
             let words = (status >> 4 & 0x7FF).div_ceil(4);
             let words: Vec<u32> = (0..words).map(|_| read(&mut bench, FIFO0)).collect();
             numbers.extend(words.first().map(|word| *word as u8));
             let control = u64::from(read(&mut bench, DOEPCTL1));
-            bench.write(WINDOW_BASE + DOEPCTL1, control | u64::from(CNAK));
+            bench.write(WINDOW_BASE + DOEPCTL1, control | u64::from(EPCTL_CNAK));
         }
     }
     (numbers.len() as u64, numbers)
@@ -337,7 +319,7 @@ fn answered(ppm: i64, source: Option<u64>) -> bool {
         });
     });
     bench.wait(MS);
-    read(&mut bench, GINTSTS) & RXFLVL != 0
+    read(&mut bench, GINTSTS) & GINTSTS_RXFLVL != 0
 }
 
 #[test]

@@ -23,18 +23,12 @@ const SAMPLES: u32 = 60;
 struct Prepared {
     case: Case,
     library: Vec<u8>,
-    /// The properties on which a sample's cost may depend, as text.
-    plan: String,
 }
 
 impl Prepared {
     fn new(case: Case) -> Self {
         let library = library(&case.nodes()).unwrap();
-        Self {
-            plan: plan(&library),
-            case,
-            library,
-        }
+        Self { case, library }
     }
 
     fn case(&self) -> HardCase<'_> {
@@ -45,17 +39,14 @@ impl Prepared {
             samples: SAMPLES,
         }
     }
-}
 
-fn plan(library: &[u8]) -> String {
-    let library = Library::decode(library).unwrap();
-    let texture = library.textures().next().unwrap();
-    let single = texture.speed_axis().len() * texture.force_axis().len() == 1;
-    format!("order {}, single {single}", texture.max_order())
-}
-
-fn prepared() -> Vec<Prepared> {
-    suite(Length::Full).into_iter().map(Prepared::new).collect()
+    /// The properties on which a sample's cost may depend, as text.
+    fn plan(&self) -> String {
+        let library = Library::decode(&self.library).unwrap();
+        let texture = library.texture_at(0).unwrap();
+        let single = texture.speed_axis().len() * texture.force_axis().len() == 1;
+        format!("order {}, single {single}", texture.max_order())
+    }
 }
 
 /// Distributes the cases over as many jobs as they need.
@@ -102,7 +93,7 @@ fn extremes(cases: &[Prepared], samples: &[Cost]) -> BTreeMap<String, (u32, u32,
             let phases = if way == report::SYNTHESIS { 1 } else { 6 };
             assert_eq!(cost.calls, phases * SAMPLES, "{name}");
             let found = extremes
-                .entry(format!("{way}, {}", case.plan))
+                .entry(format!("{way}, {}", case.plan()))
                 .or_insert((u32::MAX, 0, Vec::new()));
             found.0 = cost.fewest.min(found.0);
             found.1 = cost.most.max(found.1);
@@ -113,17 +104,10 @@ fn extremes(cases: &[Prepared], samples: &[Cost]) -> BTreeMap<String, (u32, u32,
 }
 
 fn every_hard_case(processor: Processor) {
-    let cases = prepared();
+    let cases: Vec<_> = suite(Length::Full).into_iter().map(Prepared::new).collect();
     assert!(cases.len() > 20, "{} cases", cases.len());
     let found = play(processor, &cases);
     let extremes = extremes(&cases, &found.samples);
-    for (plan, (fewest, most, cases)) in &extremes {
-        println!(
-            "{}: {plan}: {fewest} to {most} instructions per sample, {} cases",
-            processor.name(),
-            cases.len()
-        );
-    }
     for (plan, (fewest, most, cases)) in &extremes {
         assert_eq!(fewest, most, "{plan} on {}: {cases:#?}", processor.name());
     }

@@ -34,7 +34,8 @@
 pub mod core;
 pub mod host;
 mod packets;
-mod registers;
+#[expect(missing_docs, reason = "the names are the manual's")]
+pub mod registers;
 
 use std::num::NonZeroU64;
 
