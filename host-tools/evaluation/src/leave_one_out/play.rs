@@ -1,6 +1,6 @@
 //! A model played by the device's kernel, and compared with a recording.
 
-use model_format::{MillimetresPerSecond, Newton, limits};
+use model_format::{MillimetresPerSecond, Newton};
 use serde::Serialize;
 
 use super::Options;
@@ -38,29 +38,6 @@ impl Judged {
             band_errors_db: [None; BAND_COUNT],
             log_spectral_distance_db: None,
         }
-    }
-}
-
-/// A model and its synthesis by the device's kernel.
-#[derive(Clone, Debug)]
-pub struct Voice {
-    /// The model.
-    pub model: Model,
-    synthesised: Vec<f64>,
-}
-
-impl Voice {
-    /// Plays `model` with the device's kernel. Returns `None` if it is too loud.
-    pub fn of(model: Model, options: &Options, seed: u64) -> Result<Option<Self>> {
-        let synthesised = synthesis(&model, options.synthesis_s, seed)?;
-        Ok(synthesised.map(|synthesised| Self { model, synthesised }))
-    }
-
-    /// The synthesis at another power, (m/s²)²; `None` if that is too loud for the device.
-    pub fn at_power(&self, power: f64) -> Option<Vec<f64>> {
-        let gain = (power / self.model.output_power).sqrt();
-        let playable = gain.is_finite() && power <= f64::from(limits::MAX_OUTPUT_POWER);
-        playable.then(|| self.synthesised.iter().map(|x| gain * x).collect())
     }
 }
 
