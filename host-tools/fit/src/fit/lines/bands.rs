@@ -16,8 +16,7 @@ use std::f64::consts::TAU;
 
 use model_format::SAMPLE_RATE_HZ;
 
-use super::peaks::tells_lines;
-use super::search::{HIGHEST_HZ, LOWEST_HZ};
+use super::peaks::{HIGHEST_HZ, LOWEST_HZ, tells_lines};
 use crate::dsp::fourier::{self, Complex};
 
 /// Widths of the Gaussian kernels that smooth a spectrum to find bands in it, Hz: standard deviations.
