@@ -31,10 +31,10 @@ use crate::fit::{self, FloorChoice, Recordings, Signal};
 use crate::playing::motion::MotionPath;
 use crate::playing::render::{Rendered, render};
 use crate::recording::{RecordingSet, Trial};
-use crate::support::error::{Error, Result};
 use crate::support::file_name::portable;
 use crate::support::in_order::in_order;
 use crate::support::nearest::{listed, nearly};
+use crate::support::{Error, Result};
 use crate::texture::library::{decoded, library_of};
 
 /// Beginning of a synthesis that no comparison uses, s: the frontier's filters begin at rest.

@@ -6,8 +6,8 @@ use crate::fit;
 use crate::fit::conditioning::Conditioning;
 use crate::fit::record::FitRecord;
 use crate::recording::{RecordingSet, Trial};
-use crate::support::error::{Error, Result};
 use crate::support::in_order::in_order;
+use crate::support::{Error, Result};
 
 /// The data that judge the model of a trial.
 #[derive(Clone, Debug, PartialEq)]

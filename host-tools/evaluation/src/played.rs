@@ -4,7 +4,7 @@ use model_format::{PartsSpec, Texture, TextureSpec, encode};
 use serde::Serialize;
 
 use crate::scene::texture_spec;
-use crate::support::error::{Error, Result};
+use crate::support::{Error, Result};
 use crate::texture::library::decoded;
 
 /// A choice of a texture's parts.

@@ -20,8 +20,8 @@ use crate::playing::motion::{MotionPath, MotionRow};
 use crate::playing::render::render;
 use crate::recording::freehand::{Freehand, LEAST_FORCE_N, LEAST_SPEED_MM_S};
 use crate::recording::{HeldSamples, Trial};
-use crate::support::error::{Error, Result};
 use crate::support::number::counted;
+use crate::support::{Error, Result};
 
 /// Duration over which a level is measured, s.
 const WINDOW_S: f64 = 0.1;

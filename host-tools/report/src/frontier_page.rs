@@ -12,7 +12,7 @@ use crate::evaluation::table::{Table, percent};
 use crate::fit::Order;
 use crate::html::Page;
 use crate::plot::{Caption, FrontPoint, FrontSeries, Quantity, Svg, front_chart};
-use crate::support::error::Result;
+use crate::support::Result;
 
 /// Interval of updates on a device, samples.
 const DEVICE_INTERVAL: usize = stylus_kernel::UPDATE_INTERVAL_SAMPLES as usize;

@@ -16,8 +16,8 @@ use serde::Serialize;
 use crate::evaluation::table::Table;
 use crate::family;
 use crate::plot::Svg;
+use crate::support::Result;
 use crate::support::atomic_file;
-use crate::support::error::Result;
 pub use crate::support::visible::escaped;
 use crate::support::visible::page_json;
 

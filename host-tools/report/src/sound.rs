@@ -1,7 +1,7 @@
 //! Conversion of signals to sounds that a browser plays.
 
 use crate::recording::resample;
-use crate::support::error::{Error, Result};
+use crate::support::{Error, Result};
 use model_format::SAMPLE_RATE_HZ;
 
 /// Sample rate of a page's sounds, Hz. Every browser plays it.

@@ -9,8 +9,8 @@ use host_tools::evaluation::listening::{
 use host_tools::fit::conditioning::Conditioning;
 use host_tools::fit::record::FitRecord;
 use host_tools::report::listening_page;
-use host_tools::support::error::{Error, Result};
 use host_tools::support::number::counted;
+use host_tools::support::{Error, Result};
 
 use super::files::Overwrite;
 use super::input::{Recordings, positive};

@@ -3,7 +3,7 @@
 use clap::Command;
 use clap_complete::Shell;
 use clap_mangen::Man;
-use host_tools::support::error::{Error, Result};
+use host_tools::support::{Error, Result};
 use std::path::Path;
 
 use super::output::print_exactly;

@@ -17,9 +17,9 @@ use host_tools::report::rub_page::{Clips, Inputs, Recordings};
 use host_tools::report::sound::node_seconds;
 use host_tools::rig::{self, RigFile};
 use host_tools::support::atomic_file;
-use host_tools::support::error::{Error, Result};
 use host_tools::support::file_name::portable;
 use host_tools::support::output::OutputFolder;
+use host_tools::support::{Error, Result};
 use model_format::Library;
 
 use super::output::{print, warn_of};

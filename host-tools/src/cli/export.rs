@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use host_tools::export::{Export, Format};
-use host_tools::support::error::Result;
+use host_tools::support::Result;
 
 use super::files::Overwrite;
 use super::input::{TextureAlong, positive};

@@ -10,10 +10,10 @@ use clap::{ArgMatches, Command};
 use host_tools::fit::inputs::{Input, files_behind};
 use host_tools::playing::pin::{PinSummary, RATE_HZ, render_pin_wav, render_tip_wav, settings};
 use host_tools::playing::render::{Rendering, WavFormat, write_wav};
-use host_tools::support::error::{Error, Result};
 use host_tools::support::number::counted;
 use host_tools::support::output;
 use host_tools::support::progress;
+use host_tools::support::{Error, Result};
 use stylus_plant::Parameters;
 use stylus_plant::Plant;
 

@@ -7,9 +7,9 @@ use host_tools::evaluation::frontier::{self, Frontier, Material, Options, Prepar
 use host_tools::fit::conditioning::Conditioning;
 use host_tools::recording::RecordingSet;
 use host_tools::report::frontier_page;
-use host_tools::support::error::{Error, Result};
 use host_tools::support::output::OutputFolder;
 use host_tools::support::temporaries::Temporary;
+use host_tools::support::{Error, Result};
 use host_tools::support::{atomic_file, progress};
 
 use super::files::Overwrite;

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use host_tools::fit::hatt::convert::{Converted, ROLL_OFF_DB_PER_OCTAVE, Summary, far_nodes};
 use host_tools::fit::hatt::import::{ImportReport, Options, files, import, plan, read_all};
+use host_tools::support::Result;
 use host_tools::support::atomic_file;
-use host_tools::support::error::Result;
 use host_tools::support::number::counted;
 use host_tools::support::progress;
 use host_tools::support::warning::Warning;

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use host_tools::scene::SceneSummary;
+use host_tools::support::Result;
 use host_tools::support::decimal::{fixed, significant};
-use host_tools::support::error::Result;
 use host_tools::support::number::counted;
 use host_tools::texture::library::{decode_library, read_library};
 use host_tools::texture::summary::{CodebookSummary, LineSummary, TextureSummary};

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 #[cfg(unix)]
 use std::sync::mpsc;
 
-use host_tools::support::error::{Error, Result};
+use host_tools::support::{Error, Result};
 
 /// True once a command listens. The first signal then only raises the flag.
 static IS_HEARD: AtomicBool = AtomicBool::new(false);

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use host_tools::scene::joined;
+use host_tools::support::Result;
 use host_tools::support::atomic_file;
-use host_tools::support::error::Result;
 use host_tools::support::number::counted;
 use host_tools::texture::library::{decode_library, read_library};
 

@@ -36,7 +36,7 @@ use std::process::ExitCode;
 use clap::builder::FalseyValueParser;
 use clap::error::{ContextKind, ContextValue};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
-use host_tools::support::error::{Error, Result};
+use host_tools::support::{Error, Result};
 use host_tools::support::{progress, temporaries};
 
 /// Exit code of a failure that the user can correct: a file, a value or a request that cannot be used.

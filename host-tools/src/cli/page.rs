@@ -8,8 +8,8 @@ use host_tools::fit::conditioning::Conditioning;
 use host_tools::fit::record::FitRecord;
 use host_tools::recording::{Assumed, Kind, RecordingSet};
 use host_tools::report::rub_page::{self, Clips, Inputs, Recordings, Written};
-use host_tools::support::error::{Error, Result};
 use host_tools::support::progress;
+use host_tools::support::{Error, Result};
 
 use super::files::{Overwrite, read_plant};
 use super::fit::Strokes;

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use host_tools::rig::{self, RigFile};
+use host_tools::support::Result;
 use host_tools::support::bounded_file::Format;
-use host_tools::support::error::Result;
 
 use crate::cli::files::Overwrite;
 use crate::cli::output::print;

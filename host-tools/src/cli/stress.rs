@@ -1,9 +1,9 @@
 //! `stylus stress`
 
 use host_tools::evaluation::stress::{self, Outcome, Rest, cases};
-use host_tools::support::error::{Error, Result};
 use host_tools::support::number::counted;
 use host_tools::support::progress;
+use host_tools::support::{Error, Result};
 
 use super::lines::folded_text;
 use super::table::{headed, table};

@@ -9,9 +9,9 @@ use host_tools::recording::pattern::{Named, Pattern};
 use host_tools::recording::{scale, texture_fault};
 use host_tools::support::atomic_file;
 use host_tools::support::csv_table::written;
-use host_tools::support::error::{Error, Result};
 use host_tools::support::number::counted;
 use host_tools::support::number::{positive, recorded_force, recorded_speed};
+use host_tools::support::{Error, Result};
 
 use super::files::Overwrite;
 use super::input::texture_name;

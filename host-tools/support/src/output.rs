@@ -12,9 +12,9 @@ use std::{fs, io};
 
 use super::atomic_file::{REMEDY, appeared, expect_new, target};
 use super::bounded_file::Format;
-use super::error::{Error, Result};
 use super::file_name::portable;
 use super::temporaries::{self, Earlier, Temporary, folder_of, left_aside};
+use crate::{Error, Result};
 
 /// Name of the list of the files that a command wrote into its folder.
 pub const LIST: &str = ".made-by-stylus";

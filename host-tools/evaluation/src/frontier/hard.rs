@@ -8,7 +8,7 @@ use stylus_hard_cases::Case;
 
 use super::players::filter_of;
 use crate::stress::{self, Outcome};
-use crate::support::error::Result;
+use crate::support::Result;
 
 /// Outcome of a case, from good to bad.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]

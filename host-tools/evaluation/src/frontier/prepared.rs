@@ -15,7 +15,7 @@ use crate::fit::{FittedTexture, Order};
 use crate::held_out::is_same;
 use crate::recording::{RecordingSet, Trial};
 use crate::rig::RigFile;
-use crate::support::error::{Error, Result};
+use crate::support::{Error, Result};
 use crate::texture::grid::Grid;
 use crate::{fit, recording, rig};
 

@@ -3,7 +3,7 @@
 use model_format::PartsSpec;
 use rayon::prelude::*;
 
-use crate::support::error::{Error, Result};
+use crate::support::{Error, Result};
 use crate::texture::grid::Grid;
 use crate::texture::library::{decoded, library_of};
 

@@ -11,7 +11,7 @@ use crate::dsp::spectrum::{self, AMPLITUDE_JND_DB};
 use crate::dsp::sums::mean_square;
 use crate::evaluate::WARM_UP_S;
 use crate::summary;
-use crate::support::error::{Error, Result};
+use crate::support::{Error, Result};
 use crate::texture::library::decoded;
 use crate::texture::quantise::reflection;
 use model_format::SAMPLE_RATE_HZ;

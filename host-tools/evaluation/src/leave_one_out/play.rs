@@ -4,7 +4,7 @@ use model_format::{MillimetresPerSecond, Newton};
 use serde::Serialize;
 
 use super::Options;
-use crate::support::error::Result;
+use crate::support::Result;
 
 use crate::dsp::model::Model;
 use crate::dsp::spectrum::{self, BAND_COUNT};

@@ -8,7 +8,7 @@ use crate::fit::lines::Lines;
 use crate::fit::{self, FittedTexture, Recorded};
 use crate::perception::ScoringRange;
 use crate::recording::{RecordingSet, Trial};
-use crate::support::error::{Error, Result};
+use crate::support::{Error, Result};
 use crate::texture::grid::{Grid, is_recorded};
 
 use super::Options;

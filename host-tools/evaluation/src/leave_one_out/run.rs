@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use crate::dsp::model::Model;
 use crate::fit::Order;
-use crate::support::error::Result;
+use crate::support::Result;
 use crate::support::file_name::portable;
 
 use super::Options;

@@ -8,7 +8,7 @@ use serde::Serialize;
 use crate::dsp::binomial::clopper_pearson;
 use crate::support::bounded_file::Format;
 use crate::support::csv_table::{CsvTable, Header, Row};
-use crate::support::error::{Error, Result};
+use crate::support::{Error, Result};
 
 /// Proportion of right answers by chance.
 pub const CHANCE: f64 = 0.5;

@@ -17,8 +17,8 @@ use crate::held_out::{Judge, JudgeKind, is_same};
 use crate::liveliness::slices;
 use crate::played::Played;
 use crate::recording::RecordingSet;
-use crate::support::error::{Error, Result};
 use crate::support::nearest::listed;
+use crate::support::{Error, Result};
 
 /// Question to a listener.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]

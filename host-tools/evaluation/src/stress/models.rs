@@ -6,7 +6,7 @@ use stylus_hard_cases::{FORCES_N, NamedModel, SPEEDS_MM_S};
 use crate::dsp::fourier::{self, Complex};
 use crate::dsp::linear_prediction::{error_share, step_up};
 use crate::dsp::model::Model;
-use crate::support::error::Result;
+use crate::support::Result;
 use crate::texture::grid::Grid;
 use crate::texture::library::library_of;
 use crate::texture::quantise::reflection;

@@ -7,7 +7,7 @@ use stylus_kernel::excitation::{self, Excitation};
 use stylus_kernel::grid::GridPoint;
 
 use crate::playing::wavefront::Wavefront;
-use crate::support::error::Result;
+use crate::support::Result;
 use crate::texture::library::decoded;
 use crate::texture::quantise::rms_m_s2;
 

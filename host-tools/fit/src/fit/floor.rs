@@ -13,9 +13,9 @@ use crate::dsp::fourier::quick_length;
 use crate::dsp::reduction::View;
 use crate::dsp::spectrum::{PowerSpectrum, band_edges_hz, longest_segment, without_noise};
 use crate::recording::{RecordingSet, Trial};
-use crate::support::error::{Error, Result};
 use crate::support::in_order::in_order;
 use crate::support::number::counted;
+use crate::support::{Error, Result};
 
 /// Divisor for the length of the segments of both spectra: about a tenth of the shorter recording, so that each
 /// spectrum is a mean over about twenty segments.

@@ -13,7 +13,7 @@ use crate::dsp::linear_prediction::{Prediction, corrected};
 use crate::dsp::model::Model;
 use crate::dsp::sums::upper_median;
 use crate::recording::Trial;
-use crate::support::error::{Error, Result};
+use crate::support::{Error, Result};
 use crate::texture::grid::Grid;
 
 /// Least distance of a model's third-octave band from the recording's for which there is a note, dB.

@@ -41,7 +41,7 @@
 //! `parts` and `record` write their own.
 
 use crate::recording::RecordingSet;
-use crate::support::error::Result;
+use crate::support::Result;
 
 pub mod blocks;
 pub mod conditioning;

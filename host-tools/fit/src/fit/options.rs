@@ -10,8 +10,8 @@ use model_format::{PlayRate, SAMPLE_RATE_HZ};
 use crate::fit::conditioning::Conditioning;
 use crate::recording::Snap;
 use crate::recording::triage::{Kind, SILENCE_FLOOR_M_S2};
-use crate::support::error::{Error, Result};
 use crate::support::number::not_negative;
+use crate::support::{Error, Result};
 
 /// The choice of a model's order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -20,10 +20,10 @@ use super::options::Options;
 use crate::recording::{RecordingSet, TimeUnit, Trial};
 use crate::support::atomic_file;
 use crate::support::bounded_file::Format;
-use crate::support::error::{Error, Result};
 use crate::support::file_name::portable;
 use crate::support::fnv::Fnv;
 use crate::support::in_order::in_order;
+use crate::support::{Error, Result};
 
 /// Ending that is appended to the name of a library's file to name its record.
 const ENDING: &str = ".fit.json";

@@ -12,7 +12,7 @@ use super::options::{FloorChoice, Options};
 use super::trial::{Analysis, Signal, analyse_axes};
 use crate::dsp::reduction::View;
 use crate::recording::{RecordingSet, Trial};
-use crate::support::error::Result;
+use crate::support::Result;
 use crate::support::in_order::in_order;
 
 /// The recordings of one texture.

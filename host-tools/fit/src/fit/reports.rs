@@ -7,8 +7,8 @@ use super::recordings::{Recorded, Recordings};
 use super::trial::FloorShares;
 use crate::recording::Unscaled;
 use crate::recording::triage::{self, Compared, Verdict, in_words};
-use crate::support::error::{Error, Result};
 use crate::support::file_name::portable;
+use crate::support::{Error, Result};
 
 /// The report on a trial.
 #[derive(Clone, Debug, Serialize)]

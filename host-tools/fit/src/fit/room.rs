@@ -5,8 +5,8 @@ use model_format::{DecodeError, Problem, TextureSpec, limits};
 use super::grid::axis;
 use super::options::{Options, Order};
 use crate::recording::RecordingSet;
-use crate::support::error::{Error, Result};
 use crate::support::number::counted;
+use crate::support::{Error, Result};
 
 /// Bytes of a node without its coefficients.
 const NODE_BYTES: usize = 16;

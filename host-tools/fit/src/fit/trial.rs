@@ -16,7 +16,7 @@ use crate::dsp::sums::mean;
 use crate::fit::conditioning::{Conditioning, HighPass};
 use crate::recording::triage::{Kind, MainsLine, Sketch, Verdict};
 use crate::recording::{self, Account, Samples, Trial, triage};
-use crate::support::error::{Error, Result};
+use crate::support::{Error, Result};
 
 /// Number of third octaves for which the fraction of the rig's noise is given: those of
 /// [`band_edges_hz`](crate::dsp::spectrum::band_edges_hz) from 20 Hz to 2 kHz.

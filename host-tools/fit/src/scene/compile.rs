@@ -9,10 +9,10 @@ use stylus_kernel::scene::Plan;
 
 use super::description::{ConstantMotion, SceneFile, SurfaceDescription};
 use crate::dsp::equaliser::Section;
-use crate::support::error::{Error, Result};
 use crate::support::hand::{force_fault, speed_fault};
 use crate::support::nearest::listed;
 use crate::support::toml_field::{Field, line_of};
+use crate::support::{Error, Result};
 
 /// A scene in its wire form, checked against the library that plays it.
 #[derive(Clone, Debug)]

@@ -8,7 +8,7 @@ use stylus_kernel::scene::cost::{Cost, Item, Term, budget_per_sample};
 use stylus_kernel::scene::{Plan, cost};
 
 use super::library::surface_names;
-use crate::support::error::{Error, Result};
+use crate::support::{Error, Result};
 
 /// A scene's cost against a budget, in instructions per sample.
 #[derive(Clone, Debug, PartialEq, Serialize)]

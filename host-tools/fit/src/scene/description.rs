@@ -8,8 +8,8 @@ use serde::Deserialize;
 
 use crate::dsp::equaliser::SectionKind;
 use crate::support::bounded_file::Format;
-use crate::support::error::{Error, Result};
 use crate::support::toml_field::{Field, from_toml};
+use crate::support::{Error, Result};
 
 /// A scene's content.
 #[derive(Clone, Debug, PartialEq, Deserialize)]

@@ -7,8 +7,8 @@ use model_format::{Library, NodeSpec, Provenance, SAMPLE_RATE_HZ, Texture, Textu
 use super::grid::Grid;
 use super::{quantise, theta};
 use crate::support::bounded_file::Format;
-use crate::support::error::{Error, Result};
 use crate::support::number::counted;
+use crate::support::{Error, Result};
 
 /// Returns the library's entry for texture `name`: the stored `nodes` of `grid`, and the grid's parts.
 pub(crate) fn spec_of(name: &str, provenance: Provenance, grid: &Grid, nodes: Vec<NodeSpec>) -> TextureSpec {

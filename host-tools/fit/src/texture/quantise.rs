@@ -7,8 +7,8 @@ use stylus_kernel::grid::{GridPoint, ONE};
 
 use crate::dsp::linear_prediction::error_share;
 use crate::dsp::model::Model;
-use crate::support::error::{Error, Result};
 use crate::support::in_order::in_order;
+use crate::support::{Error, Result};
 use crate::texture::grid::Grid;
 
 /// Returns all nodes of `grid` as codes.

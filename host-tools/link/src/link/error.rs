@@ -225,7 +225,7 @@ boxed! {
     SelfTest(SelfTestError),
 }
 
-impl From<LinkError> for crate::support::error::Error {
+impl From<LinkError> for crate::support::Error {
     fn from(failure: LinkError) -> Self {
         Self::Request(failure.to_string())
     }

@@ -7,8 +7,8 @@ use model_format::link::{
 use serde::Serialize;
 use stylus_app::safety::Config;
 
-use crate::support::error::{Error, Result};
 use crate::support::nearest::listed;
+use crate::support::{Error, Result};
 
 /// Origin of a setting's value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

@@ -16,9 +16,9 @@ use crate::link::capture::{Calibration, Capture};
 use crate::recording::{MOST_TRIALS, RecordingSet, TRIALS_FILE, Trial};
 use crate::support::bounded_file::Format;
 use crate::support::csv_table::{CsvTable, is_content, written};
-use crate::support::error::{Error, Result};
 use crate::support::float_wav::float_wav;
 use crate::support::hand::{force_fault, speed_fault};
+use crate::support::{Error, Result};
 use crate::support::{atomic_file, file_name};
 
 /// A trial to be recorded: one texture at one speed and force.

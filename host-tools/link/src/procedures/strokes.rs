@@ -87,12 +87,7 @@ impl Strokes {
 
     /// Writes a CSV file for [`crate::recording::freehand::read`]: `time_s`, three axes in m/s², `speed_mm_s`,
     /// `force_n`. A lost sample is written as not a number, so that no stretch includes it.
-    pub fn write(
-        &self,
-        path: &Path,
-        calibration: &Calibration,
-        provenance: Provenance,
-    ) -> crate::support::error::Result<()> {
+    pub fn write(&self, path: &Path, calibration: &Calibration, provenance: Provenance) -> crate::support::Result<()> {
         let mut text = match provenance {
             Provenance::Simulated => String::from("# SIMULATED\n"),
             Provenance::Recorded | Provenance::Unscaled => String::new(),

@@ -14,8 +14,8 @@ use super::family;
 use super::html::POLICY;
 use super::sound::whole_sound;
 use crate::evaluation::listening::{CHANCE, CONFIDENCE, FADE_S, Plan, Task};
+use crate::support::Result;
 use crate::support::atomic_file;
-use crate::support::error::Result;
 use crate::support::fnv::Fnv;
 use crate::support::visible::page_json;
 

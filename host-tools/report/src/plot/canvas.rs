@@ -17,8 +17,8 @@ use super::colours::{dark_scale_style, dark_style};
 use super::figure::{AxisData, AxisScale, Frame, Kind, Panel, Quantity, Series, overlay, thinned};
 use super::{Caption, Svg};
 use crate::support::decimal::fixed;
-use crate::support::error::{Error, Result};
 use crate::support::visible::{escaped, visible};
+use crate::support::{Error, Result};
 
 pub use super::colours::{ALERT, BLUE, INK, ON_PALE, PALE, SERIES, VERMILION};
 

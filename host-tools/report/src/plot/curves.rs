@@ -12,7 +12,7 @@ use super::canvas::{
 use super::figure::{ACCELERATION, FREQUENCY, Kind, POWER_DENSITY, Quantity, Series, TIME_MS};
 use super::{Caption, Svg};
 use crate::dsp::spectrum::{smoothed_amplitude, spectral_cost};
-use crate::support::error::Result;
+use crate::support::Result;
 
 /// One choice as a point of a chart of fronts.
 #[derive(Clone, Debug, PartialEq)]

@@ -13,7 +13,7 @@ use super::curves::NARROW;
 use super::figure::{AxisData, FORCE, Frame, Panel, Quantity, SPEED, Series};
 use super::{Caption, Svg};
 use crate::support::decimal::fixed;
-use crate::support::error::{Error, Result};
+use crate::support::{Error, Result};
 
 /// A quantity over a texture's grid.
 #[derive(Clone, Debug, PartialEq)]

@@ -18,8 +18,8 @@ use std::path::Path;
 
 use stylus_pages::colours;
 
+use crate::support::Result;
 use crate::support::atomic_file;
-use crate::support::error::Result;
 
 pub(crate) use curves::{FrontPoint, FrontSeries, front_chart, spectra, spectrum_axes, waveform_axes};
 pub use figure::Panel;

@@ -14,7 +14,7 @@ use super::{Caption, Svg};
 use crate::dsp::liveliness::kurtosis;
 use crate::dsp::spectrum::dft_amplitude;
 use crate::support::decimal::fixed;
-use crate::support::error::{Error, Result};
+use crate::support::{Error, Result};
 
 /// Length of a window on a steady signal, s. It resolves lines 12 Hz apart.
 const LONG_S: f64 = 0.16;

@@ -5,7 +5,7 @@ use super::canvas::{
 };
 use super::figure::{ACCELERATION, TIME_MS, TIME_S};
 use super::{Caption, Svg};
-use crate::support::error::Result;
+use crate::support::Result;
 
 /// Durations of the two columns, s. The left one shows cycles, the right one changes of level.
 const DURATIONS_S: [f64; 2] = [0.1, 2.0];

@@ -18,8 +18,8 @@ use super::{Inputs, KERNEL, KERNEL_BUILT_BY, Recordings};
 use crate::fit;
 use crate::playing::wavefront::Wavefront;
 use crate::recording::Trial;
+use crate::support::Result;
 use crate::support::decimal::significant;
-use crate::support::error::Result;
 use crate::texture::grid::as_written;
 
 /// Version of the data's format.

@@ -25,8 +25,8 @@ use super::html::escaped;
 use crate::evaluation::evaluate::Evaluation;
 use crate::fit::conditioning::Conditioning;
 use crate::recording::RecordingSet;
+use crate::support::Result;
 use crate::support::atomic_file;
-use crate::support::error::Result;
 use crate::support::visible::page_json;
 use crate::texture::library::unknown_levels;
 

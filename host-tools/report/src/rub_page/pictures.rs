@@ -2,7 +2,7 @@
 
 use super::data::Data;
 use crate::plot::{COST, Caption, Quantity, Scale, Svg, map_axes, spectrum_axes, waveform_axes};
-use crate::support::error::Result;
+use crate::support::Result;
 
 /// Range of the spectra's level axis, dB.
 const SPAN_DB: f64 = 80.0;

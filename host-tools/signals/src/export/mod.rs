@@ -20,8 +20,8 @@ use crate::dsp::spectrum::{BAND_COUNT, BAND_LABELS_HZ, PowerSpectrum, third_octa
 use crate::playing::motion::MotionPath;
 use crate::playing::render::{Rendered, Rendering};
 use crate::recording::resample;
-use crate::support::error::{Error, Result};
 use crate::support::float_wav::float_wav;
+use crate::support::{Error, Result};
 use crate::support::{atomic_file, progress};
 use envelope::{Envelope, RANGE_HZ};
 

@@ -20,7 +20,7 @@ use super::time_unit::TimeUnit;
 use super::uneven::{Steps, mean_step};
 use super::unit::Stated;
 use crate::support::csv_table::CsvTable;
-use crate::support::error::{Error, Result};
+use crate::support::{Error, Result};
 
 /// Largest deviation of a rate that was given from that of the times at which they still show gaps.
 const NEAR_RATE: f64 = 0.2;

@@ -12,7 +12,7 @@ use super::trial::Trial;
 use super::unit::{self, Unscaled};
 use crate::support::bounded_file::Format;
 use crate::support::csv_table::{CsvTable, Header, Row};
-use crate::support::error::{Error, Result};
+use crate::support::{Error, Result};
 
 /// Column of the time of each sample, s.
 const TIME_COLUMN: &str = "time_s";

@@ -15,9 +15,9 @@ use super::trial::Trial;
 use super::{csv_file, numbers, resample, uneven, wav};
 use crate::dsp::sums::sum;
 use crate::support::csv_table::CsvTable;
-use crate::support::error::{Error, Result};
 use crate::support::files;
 use crate::support::number::counted;
+use crate::support::{Error, Result};
 
 /// Reads the samples of `trial`: one to three axes at [`SAMPLE_RATE_HZ`], in m/s².
 ///

@@ -15,7 +15,7 @@ use super::defects::Truncation;
 use super::rate::MAX_CHANNELS;
 use crate::support::bounded_file::Format;
 use crate::support::csv_table::{CsvTable, check_length};
-use crate::support::error::{Error, Result};
+use crate::support::{Error, Result};
 
 /// First words of a file.
 const MAGIC: &str = "LabVIEW Measurement";

@@ -7,9 +7,9 @@ use regex_lite::{Regex, escape};
 
 use super::kind::{Kind, remedy};
 use super::set::TRIALS_FILE;
-use crate::support::error::{Error, Result};
 use crate::support::file_name::portable;
 use crate::support::files;
+use crate::support::{Error, Result};
 
 /// A number in a name, such as 50 or 0.35.
 const NUMBER: &str = r"([0-9]+(?:\.[0-9]+)?)";

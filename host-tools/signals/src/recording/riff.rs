@@ -9,9 +9,9 @@ use std::path::Path;
 use super::rate::MAX_CHANNELS;
 use super::rate::SampleRate;
 use crate::support::bounded_file::Format;
-use crate::support::error::{Error, Result};
 use crate::support::files::Opened;
 use crate::support::number::counted;
+use crate::support::{Error, Result};
 
 /// Longest format chunk, bytes; the extensible format takes 40.
 const MOST_FORMAT_BYTES: u32 = 128;

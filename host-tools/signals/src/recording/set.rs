@@ -13,10 +13,10 @@ use super::trial::{NOMINAL_FORCE_N, NOMINAL_SPEED_MM_S, Trial};
 use super::unit::scale;
 use crate::support::bounded_file::{Format, absent};
 use crate::support::csv_table::{CsvTable, Header, Row, is_named};
-use crate::support::error::{Error, Result};
 use crate::support::files;
 use crate::support::hand::{force_fault, speed_fault};
 use crate::support::number::{not_negative, positive, recorded_force, recorded_speed};
+use crate::support::{Error, Result};
 
 /// File name of the list of trials in a recording set's folder.
 pub const TRIALS_FILE: &str = "trials.csv";

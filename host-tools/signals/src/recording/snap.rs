@@ -13,8 +13,8 @@ use model_format::limits::MAX_AXIS_LEN;
 use serde::{Deserialize, Serialize};
 
 use super::set::RecordingSet;
-use crate::support::error::{Error, Result};
 use crate::support::number::tolerance;
+use crate::support::{Error, Result};
 
 /// How measured values move to nominal values.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -17,7 +17,7 @@ use super::rate::{MAX_CHANNELS, MAX_FRAMES, SampleRate, counts_before, length_fa
 use super::riff::{self, Wave};
 use super::source::{Cut, Source};
 use super::unit::{Stated, Unscaled};
-use crate::support::error::{Error, Result};
+use crate::support::{Error, Result};
 
 /// Remark on a file whose header has a length that does not fit it.
 const UNFINISHED: &str = "the lengths in its header do not fit the file, as those of a recorder that was stopped, or \

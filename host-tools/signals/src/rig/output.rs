@@ -9,10 +9,10 @@ use super::description::RigDescription;
 use super::file::{RIG, RigFile};
 use super::trial::{Strip, Trial};
 use crate::support::csv_table::written;
-use crate::support::error::{Error, Result};
 use crate::support::float_wav::float_wav;
 use crate::support::number::counted;
 use crate::support::output::OutputFolder;
+use crate::support::{Error, Result};
 use crate::support::{atomic_file, files, progress};
 
 /// Name of the file that states that the set is simulated. It is written before any recording.

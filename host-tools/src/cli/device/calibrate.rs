@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use host_tools::link::Device;
 use host_tools::procedures::calibrate::{AtRest, Coil, acceleration_zeros, verify};
-use host_tools::support::error::{Error, Result};
+use host_tools::support::{Error, Result};
 use model_format::link::{Setting, SettingChange, SettingSet, Settings};
 use scales::{Scales, ScalesReport};
 use serde::Serialize;

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use host_tools::link::discovery;
 use host_tools::link::{Device, LinkAddress, Timeouts};
-use host_tools::support::error::Result;
+use host_tools::support::Result;
 use serde::Serialize;
 
 use crate::cli::input::positive;

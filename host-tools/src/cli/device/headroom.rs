@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use host_tools::link::Device;
 use host_tools::procedures::response::{Headroom, headroom};
-use host_tools::support::error::Result;
+use host_tools::support::Result;
 use host_tools::texture::library::{decode_library, read_library};
 use model_format::Library;
 use serde::Serialize;

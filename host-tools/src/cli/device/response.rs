@@ -10,7 +10,7 @@ use host_tools::procedures::response::{
     Calibrated, DeviceBench, Failure, Fault, Flatness, Options, Verdict, calibrate, check,
 };
 use host_tools::report::plot::{Caption, Curve, responses};
-use host_tools::support::error::{Error, Result};
+use host_tools::support::{Error, Result};
 use model_format::link::ResponseChange;
 use serde::Serialize;
 

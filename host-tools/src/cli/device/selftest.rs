@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use host_tools::link::{Device, LinkAddress, LinkError};
 use host_tools::procedures::self_test::record::Record;
 use host_tools::procedures::self_test::{self, Options, Step, Verdict};
-use host_tools::support::error::{Error, Result};
 use host_tools::support::progress;
+use host_tools::support::{Error, Result};
 
 use super::connection::Link;
 use super::slots::Slot;

@@ -5,7 +5,7 @@ use std::io::{BufRead, IsTerminal, Write};
 use clap::Subcommand;
 use host_tools::link::Device;
 use host_tools::link::settings::{self as described, Known, SettingOrigin, SettingRow, consequences};
-use host_tools::support::error::{Error, Result};
+use host_tools::support::{Error, Result};
 use model_format::link::{SettingSet, Settings, SettingsChange, SettingsError, SettingsState};
 
 use super::connection::Link;

@@ -2,8 +2,8 @@
 
 use host_tools::link::Device;
 use host_tools::link::{SlotContent, TextureEntry};
-use host_tools::support::error::{Error, Result};
 use host_tools::support::number::counted;
+use host_tools::support::{Error, Result};
 use model_format::link::{SceneInfo, SlotId, SlotState};
 use serde::Serialize;
 

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use host_tools::link::update::{Step, UpdateFile, update};
-use host_tools::support::error::Result;
+use host_tools::support::Result;
 use host_tools::support::progress;
 
 use super::connection::Link;

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use host_tools::link::upload::{Uploaded, upload_over};
-use host_tools::support::error::Result;
+use host_tools::support::Result;
 use host_tools::support::number::counted;
 use host_tools::support::progress;
 use model_format::link::UploadState;

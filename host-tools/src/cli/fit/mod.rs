@@ -8,9 +8,9 @@ use clap::ArgGroup;
 use host_tools::fit::record::{FitRecord, FoundLines};
 use host_tools::fit::{self, Fit};
 use host_tools::recording::{RecordingSet, Snap};
-use host_tools::support::error::{Error, Result};
 use host_tools::support::number::counted;
 use host_tools::support::progress;
+use host_tools::support::{Error, Result};
 use host_tools::texture::summary::TextureSummary;
 use std::path::{Path, PathBuf};
 

@@ -7,11 +7,11 @@ use host_tools::fit::parts::{Mapped, Merged, Shard, map};
 use host_tools::fit::record::FitRecord;
 use host_tools::fit::{self, Fit, TrialReport};
 use host_tools::recording::RecordingSet;
-use host_tools::support::error::{Error, Result};
 use host_tools::support::file_name::Stems;
 use host_tools::support::number::counted;
 use host_tools::support::progress;
 use host_tools::support::warning::Warning;
+use host_tools::support::{Error, Result};
 
 use crate::cli::files::check_in_growing_folder;
 use crate::cli::output::{print, print_json, warn_of};

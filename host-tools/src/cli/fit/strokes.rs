@@ -6,8 +6,8 @@ use host_tools::fit::record::FitRecord;
 use host_tools::fit::{Fit, Options, fit_strokes};
 use host_tools::recording::freehand::{self, Freehand};
 use host_tools::recording::{Assumed, texture_fault};
-use host_tools::support::error::{Error, Result};
 use host_tools::support::progress;
+use host_tools::support::{Error, Result};
 
 use crate::cli::input::texture_name;
 use crate::cli::output::warn;

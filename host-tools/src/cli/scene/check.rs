@@ -1,8 +1,8 @@
 //! `stylus scene check`
 
 use host_tools::scene::{CompiledScene, CostReport, Situation};
-use host_tools::support::error::{Error, Result};
 use host_tools::support::number::counted;
+use host_tools::support::{Error, Result};
 use model_format::scene::MotionOfScene;
 use stylus_kernel::scene::cost;
 

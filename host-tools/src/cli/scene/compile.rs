@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use host_tools::scene::{CostReport, SceneFile, with_scenes};
 use host_tools::support::atomic_file;
-use host_tools::support::error::{Error, Result};
 use host_tools::support::number::counted;
+use host_tools::support::{Error, Result};
 use model_format::Library;
 use model_format::scene::Scene;
 use stylus_kernel::scene::cost;

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use host_tools::dsp::reduction::Reduction;
 use host_tools::recording::scale;
 use host_tools::scene::tap::{TapFit, Taps};
-use host_tools::support::error::{Error, Result};
+use host_tools::support::{Error, Result};
 
 use crate::cli::input::positive;
 use crate::cli::output::{print, print_json, warn};

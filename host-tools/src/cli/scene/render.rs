@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use host_tools::playing::render::Rendering;
 use host_tools::scene::{CompiledScene, SceneFile, scene_named};
-use host_tools::support::error::{Error, Result};
+use host_tools::support::{Error, Result};
 use host_tools::texture::library::{decode_library, read_library};
 use model_format::Library;
 use model_format::scene::MotionOfScene;

@@ -21,7 +21,7 @@ use super::between;
 use super::toolkit::Toolkit;
 use crate::dsp::fourier;
 use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_LABELS_HZ, band_edges_hz};
-use crate::support::error::{Error, Result};
+use crate::support::{Error, Result};
 use crate::texture::grid::Grid;
 use crate::texture::library::texture_spec;
 use crate::texture::quantise::coarse;

@@ -14,7 +14,7 @@ use super::toolkit::Toolkit;
 use crate::fit::encoded;
 use crate::fit::options::play_rate;
 use crate::support::bounded_file::Format;
-use crate::support::error::{Error, Result};
+use crate::support::{Error, Result};
 
 /// Upper bounds of the bytes of a library without its textures, and of a texture without its name, axes and nodes.
 const LIBRARY_BYTES: usize = 32;

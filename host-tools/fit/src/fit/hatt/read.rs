@@ -8,7 +8,7 @@ use model_format::PlayRate;
 use super::elements::{self, File};
 use super::toolkit::{ArmaModel, Toolkit, found};
 use crate::recording::RATES_HZ;
-use crate::support::error::{Error, Result};
+use crate::support::{Error, Result};
 
 /// Largest number of models of a file. The published files have some hundred. The choice of a grid visits all of them
 /// for each position.

@@ -11,7 +11,7 @@ use crate::dsp::line_spectral_frequencies as line_spectrum;
 use crate::dsp::linear_prediction::step_down;
 use crate::dsp::log_spectrum::STEP_HZ;
 use crate::dsp::spectrum::band_edges_hz;
-use crate::support::error::{Error, Result};
+use crate::support::{Error, Result};
 
 /// A file's models.
 #[derive(Clone, Debug, PartialEq)]

@@ -12,7 +12,7 @@ use crate::fit::options::Options;
 use crate::fit::recordings::{Recorded, Recordings};
 use crate::fit::reports::{TrialReport, reports};
 use crate::recording::RecordingSet;
-use crate::support::error::{Error, Result};
+use crate::support::{Error, Result};
 
 /// The joined units of a fit: the trials' reports, and where the remaining data is.
 pub struct Merged<'s> {

@@ -31,7 +31,7 @@ use rayon::prelude::*;
 use super::lines::Lines;
 use super::options::Options;
 use crate::recording::RecordingSet;
-use crate::support::error::{Error, Result};
+use crate::support::{Error, Result};
 
 pub use merge::Merged;
 use unit::{MOST_TRIALS, Unit, units};

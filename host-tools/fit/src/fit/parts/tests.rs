@@ -6,7 +6,7 @@ use crate::fit::options::Order;
 use crate::fit::record::FitRecord;
 use crate::fit::{ExcitationChoice, Fit, FloorChoice, Options, fit};
 use crate::recording::{RecordingSet, Trial};
-use crate::support::error::Result;
+use crate::support::Result;
 use crate::support::float_wav::float_wav;
 use test_helpers::{holds, noise};
 

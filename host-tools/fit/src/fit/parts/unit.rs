@@ -19,8 +19,8 @@ use crate::fit::trial::Analysis;
 use crate::recording::{RecordingSet, Trial};
 use crate::support::atomic_file;
 use crate::support::bounded_file::Format;
-use crate::support::error::{Error, Result};
 use crate::support::fnv::Fnv;
+use crate::support::{Error, Result};
 
 /// First bytes of a file, including the version of the format. The version changes with the content of a file and with
 /// what the map computes.

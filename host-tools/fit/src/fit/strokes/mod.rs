@@ -35,11 +35,11 @@ use crate::dsp::sums::mean;
 use crate::recording::freehand::Freehand;
 use crate::recording::triage::Verdict;
 use crate::recording::{RecordingSet, Snap};
-use crate::support::error::{Error, Result};
 use crate::support::file_name::portable;
 use crate::support::in_order::in_order;
 use crate::support::number::counted;
 use crate::support::warning::Warning;
+use crate::support::{Error, Result};
 use crate::texture::library::decoded;
 
 /// Fits texture `name` to strokes, each with the file that it comes from. Calls `progress` for steps that are done. A

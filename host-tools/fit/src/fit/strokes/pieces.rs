@@ -9,7 +9,7 @@ use super::stroke::Stroke;
 use crate::recording::freehand::{LEAST_FORCE_N, LEAST_SPEED_MM_S};
 use crate::recording::triage::{LEAST_KEPT, kept};
 use crate::recording::{HeldSamples, Trial};
-use crate::support::error::Result;
+use crate::support::Result;
 
 /// Least number of samples of a stretch at a node that is used: 40 ms, four times the length of a joint.
 const LEAST_STRETCH: usize = 200;

@@ -15,7 +15,7 @@ use crate::playing::render::render;
 use crate::recording::freehand::{Freehand, jumps_s, moving};
 use crate::recording::triage::{self, Kind, Verdict};
 use crate::recording::{HeldSamples, Trial, read};
-use crate::support::error::Result;
+use crate::support::Result;
 
 /// Length of the windows in which levels are measured, s.
 const WINDOW_S: f64 = 0.1;

@@ -28,7 +28,7 @@ use crate::dsp::reduction::{Reduction, reduce};
 use crate::recording::{self, Trial, freehand};
 use crate::support::bounded_file::Format;
 use crate::support::csv_table::CsvTable;
-use crate::support::error::{Error, Result};
+use crate::support::{Error, Result};
 use model_format::SAMPLE_RATE_HZ;
 
 /// Number of first bytes of a file in which its header is searched.

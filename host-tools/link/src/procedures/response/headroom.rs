@@ -11,7 +11,7 @@ use crate::dsp::response::{BANDS, band_centre_hz, band_edges_hz, db, ratio};
 use crate::dsp::spectrum::PowerSpectrum;
 use crate::playing::motion::MotionPath;
 use crate::playing::render::render;
-use crate::support::error::{Error, Result};
+use crate::support::{Error, Result};
 
 /// Duration of each node's rendering, s, and of its beginning, which is left out until textures and sections are
 /// steady.

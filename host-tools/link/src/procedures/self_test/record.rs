@@ -7,7 +7,7 @@ use model_format::link::DeviceInfo;
 use serde::Serialize;
 
 use super::line::{Line, Verdict};
-use crate::support::error::Result;
+use crate::support::Result;
 use crate::support::{atomic_file, date};
 
 /// A self test with its device and its date.

@@ -6,8 +6,8 @@ use super::path::{MotionPath, Point, Points};
 use crate::recording::{TimeColumn, TimeUnit};
 use crate::support::bounded_file::Format;
 use crate::support::csv_table::{CsvTable, Header, Row};
-use crate::support::error::{Error, Result};
 use crate::support::hand::{force_fault, position_fault, speed_fault};
+use crate::support::{Error, Result};
 
 impl MotionPath {
     /// Reads a CSV file with the columns `time_s`, or another unit's such as `time_ms`, `speed_mm_s` and `force_n`, and

@@ -8,8 +8,8 @@ use model_format::{OutputSample, Texture};
 
 use super::samples::{Rendering, exact_m_s2};
 use crate::playing::motion::MotionPath;
-use crate::support::error::{Error, Result};
 use crate::support::files::Written;
+use crate::support::{Error, Result};
 use crate::support::{atomic_file, progress};
 
 /// Upper bound of the length of a WAV file's headers, bytes. Headers and samples share the 4 GiB that the file's length

@@ -16,9 +16,9 @@ use crate::recording::{Cut, MAX_CHANNELS, MAX_FRAMES, SampleRate, Source, Timing
 use crate::recording::{lvm, unit};
 use crate::support::bounded_file::Format;
 use crate::support::csv_table::{CsvTable, Header, Row, comment};
-use crate::support::error::{Error, Result};
 use crate::support::hand::{MAX_FORCE_N, MAX_SPEED_MM_S};
 use crate::support::number::counted;
+use crate::support::{Error, Result};
 
 /// Names of the columns other than accelerations.
 const TIME: &str = "time_s";

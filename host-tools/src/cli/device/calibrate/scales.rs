@@ -3,7 +3,7 @@
 use std::sync::mpsc;
 
 use host_tools::procedures::calibrate::{AtRest, ForceScale, PathScale, Travel, Weighed, order};
-use host_tools::support::error::{Error, Result};
+use host_tools::support::{Error, Result};
 use model_format::link::{SettingChange, Settings};
 use serde::Serialize;
 

@@ -6,7 +6,7 @@ use host_tools::dsp::sums::rms;
 use host_tools::evaluation::evaluate::texture_named;
 use host_tools::playing::motion::MotionPath;
 use host_tools::playing::render::render;
-use host_tools::support::error::{Error, Result};
+use host_tools::support::{Error, Result};
 use host_tools::texture::library::{decode_library, read_library};
 use model_format::Provenance;
 use model_format::link::{LIBRARY_CRC, PlayRequest, Selection, Status};

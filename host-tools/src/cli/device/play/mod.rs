@@ -11,8 +11,8 @@ use clap::ArgGroup;
 use clap::builder::RangedU64ValueParser;
 use host_tools::link::play::{Drive, Driven, MAX_MOTION_RATE_HZ, MIN_MOTION_RATE_HZ, PlayCounts, Vibration, drive};
 use host_tools::link::{Device, LinkError};
-use host_tools::support::error::{Error, Result};
 use host_tools::support::number::counted;
+use host_tools::support::{Error, Result};
 use model_format::link::{
     Activity, MAX_PLAY_GAIN, MotionRefused, MotionSource, OutputStatus, PlayRequest, Selection, TextureName,
 };

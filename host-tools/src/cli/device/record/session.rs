@@ -11,7 +11,7 @@ use host_tools::link::Device;
 use host_tools::link::capture::{Calibration, Capture, Level, capture};
 use host_tools::procedures::set::{Folder, PlannedTrial};
 use host_tools::recording::TRIAL_DURATION_S;
-use host_tools::support::error::Result;
+use host_tools::support::Result;
 use host_tools::support::progress;
 use model_format::link::RecordSample;
 

@@ -2,8 +2,8 @@
 
 use host_tools::link::capture::{Level, Loss};
 use host_tools::procedures::strokes;
-use host_tools::support::error::{Error, Result};
 use host_tools::support::progress;
+use host_tools::support::{Error, Result};
 use model_format::link::RecordSample;
 use serde::Serialize;
 

@@ -4,7 +4,7 @@ mod response;
 mod watch;
 
 use host_tools::link::settings::cap;
-use host_tools::support::error::Result;
+use host_tools::support::Result;
 use model_format::link::{
     Activity, ClockSource, DeviceInfo, FLASH_SUPPLY_MV, Fault, LEAST_BROWN_OUT_LEVEL, LeaseStatus, Levels,
     LinkCounters, Marks, MotionSource, MuteReason, OutputLimits, OutputStatus, SettingChange, SettingsChange,

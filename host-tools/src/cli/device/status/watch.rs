@@ -4,10 +4,10 @@ use std::time::{Duration, Instant};
 
 use host_tools::link::capture::{Calibration, Level, Loss, Stream};
 use host_tools::link::{Device, LinkError};
-use host_tools::support::error::{Error, Result};
 use host_tools::support::number::counted;
 use host_tools::support::progress;
 use host_tools::support::visible::{visible_json, visible_line};
+use host_tools::support::{Error, Result};
 use model_format::link::{RecordError, Status};
 use serde::Serialize;
 
