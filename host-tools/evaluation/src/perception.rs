@@ -17,13 +17,12 @@
 
 use model_format::SAMPLE_RATE_HZ;
 use serde::Serialize;
-
-use crate::dsp::high_pass::lowest_hz;
-use crate::dsp::spectrum::{
+use stylus_dsp::high_pass::lowest_hz;
+use stylus_dsp::spectrum::{
     AMPLITUDE_JND_DB, BAND_COUNT, PowerSpectrum, THIRD_OCTAVE_RATIO, band_edges_hz, band_errors_within_db,
     longest_segment,
 };
-use crate::fit::carried_hz;
+use stylus_fit::fit::carried_hz;
 
 /// The frequency that divides low from high, Hz: below it skin follows single cycles, above it feels a tone or noise.
 pub const LOW_HIGH_HZ: f64 = 100.0;

@@ -2,18 +2,18 @@
 
 use model_format::{MillimetresPerSecond, Newton};
 use serde::Serialize;
+use stylus_dsp::model::Model;
+use stylus_dsp::spectrum::{self, BAND_COUNT};
+use stylus_fit::texture::grid::Grid;
+use stylus_fit::texture::library::{decoded, library_of};
+use stylus_signals::playing::motion::MotionPath;
+use stylus_signals::playing::render::render;
+use stylus_support::Result;
 
 use super::Options;
-use crate::support::Result;
 
-use crate::dsp::model::Model;
-use crate::dsp::spectrum::{self, BAND_COUNT};
 use crate::evaluate::WARM_UP_S;
 use crate::perception::ScoringRange;
-use crate::playing::motion::MotionPath;
-use crate::playing::render::render;
-use crate::texture::grid::Grid;
-use crate::texture::library::{decoded, library_of};
 use model_format::SAMPLE_RATE_HZ;
 
 /// Speed and force of the only node of a library for a test. Any values in contact and in motion serve.

@@ -1,15 +1,15 @@
 //! A set that is prepared for the removed-node test: its models and its signals.
 
 use model_format::SAMPLE_RATE_HZ;
+use stylus_dsp::model::Model;
+use stylus_fit::fit::blocks::Part;
+use stylus_fit::fit::lines::Lines;
+use stylus_fit::fit::{self, FittedTexture, Recorded};
+use stylus_fit::texture::grid::{Grid, is_recorded};
+use stylus_signals::recording::{RecordingSet, Trial};
+use stylus_support::{Error, Result};
 
-use crate::dsp::model::Model;
-use crate::fit::blocks::Part;
-use crate::fit::lines::Lines;
-use crate::fit::{self, FittedTexture, Recorded};
 use crate::perception::ScoringRange;
-use crate::recording::{RecordingSet, Trial};
-use crate::support::{Error, Result};
-use crate::texture::grid::{Grid, is_recorded};
 
 use super::Options;
 

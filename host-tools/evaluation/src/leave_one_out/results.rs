@@ -3,11 +3,11 @@
 
 use model_format::LevelLaw;
 use serde::Serialize;
+use stylus_dsp::linear_prediction::{error_share, step_down, step_up};
+use stylus_dsp::model::Model;
+use stylus_dsp::spectrum::AMPLITUDE_JND_DB;
 
 use super::play::Judged;
-use crate::dsp::linear_prediction::{error_share, step_down, step_up};
-use crate::dsp::model::Model;
-use crate::dsp::spectrum::AMPLITUDE_JND_DB;
 use crate::summary;
 use crate::table::Table;
 

@@ -1,11 +1,10 @@
 //! The removed-node test itself: each node that is removed, and everything that is played in its place.
 
 use rayon::prelude::*;
-
-use crate::dsp::model::Model;
-use crate::fit::Order;
-use crate::support::Result;
-use crate::support::file_name::portable;
+use stylus_dsp::model::Model;
+use stylus_fit::fit::Order;
+use stylus_support::Result;
+use stylus_support::file_name::portable;
 
 use super::Options;
 use super::play::{self, Judged};

@@ -1,9 +1,8 @@
 //! A codebook: material from a residual, whitened, clipped at its highest peaks, and coded in blocks.
 
 use model_format::{BLOCK_BYTES, BLOCK_MAGNITUDES, BLOCK_SAMPLES, CodebookSpec, SAMPLE_RATE_HZ, block_scale, limits};
-
-use crate::dsp::fourier::{self, Complex};
-use crate::dsp::sums::{dot, mean_square};
+use stylus_dsp::fourier::{self, Complex};
+use stylus_dsp::sums::{dot, mean_square};
 
 /// Range of lengths over which the spectrum of a material is whitened, samples: 20 to 80 ms, the resolution of third
 /// octaves. A finer one would smear events.

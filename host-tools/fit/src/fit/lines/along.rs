@@ -13,6 +13,10 @@ use std::ops::Range;
 
 use model_format::{SAMPLE_RATE_HZ, limits};
 use rayon::prelude::*;
+use stylus_dsp::fourier::Complex;
+use stylus_dsp::motion_law::{LevelAt, MotionLaw};
+use stylus_dsp::sums::{mean, range_of, rms};
+use stylus_signals::recording::freehand::{LEAST_FORCE_N, LEAST_SPEED_MM_S};
 
 use super::findings::{Findings, Line, NoLines};
 use super::peaks::{HIGHEST_HZ, LOWEST_HZ, tells_lines};
@@ -20,10 +24,6 @@ use super::search::LEAST_SPEED_RATIO;
 use super::separate::{Followed, Known, Measures, WANDERING_OVER_NARROW, measures, narrow, relative_phase, told_apart};
 use super::track::{amplitudes, at_even_places, interpolated, subtract, wave_at};
 use super::wander::{Weave, find};
-use crate::dsp::fourier::Complex;
-use crate::dsp::motion_law::{LevelAt, MotionLaw};
-use crate::dsp::sums::{mean, range_of, rms};
-use crate::recording::freehand::{LEAST_FORCE_N, LEAST_SPEED_MM_S};
 
 const RATE_HZ: f64 = SAMPLE_RATE_HZ as f64;
 

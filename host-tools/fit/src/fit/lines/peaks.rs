@@ -11,9 +11,8 @@ use std::f64::consts::{LN_2, TAU};
 use std::rc::Rc;
 
 use model_format::SAMPLE_RATE_HZ;
-
-use crate::dsp::fourier::{self, Complex};
-use crate::dsp::sums::upper_median;
+use stylus_dsp::fourier::{self, Complex};
+use stylus_dsp::sums::upper_median;
 
 /// Range of lines' frequencies, Hz: from above the hand's motion to where the device fades lines out.
 pub(super) const LOWEST_HZ: f64 = 12.0;

@@ -22,10 +22,10 @@ use std::ops::ControlFlow;
 
 use model_format::SAMPLE_RATE_HZ;
 use model_format::limits::MAX_LINES;
+use stylus_dsp::sums::upper_median;
 
 use super::peaks::{HIGHEST_HZ, LOWEST_HZ, LineSpectrum, Peak};
 use super::track::{amplitudes, at_even_places, followed, refined, steady, subtract, wave};
-use crate::dsp::sums::upper_median;
 
 /// Probability of finding any line in a texture that has none.
 pub(super) const LEVEL: f64 = 1e-3;

@@ -6,14 +6,14 @@ use std::ops::Range;
 
 use model_format::{SAMPLE_RATE_HZ, Wander, limits};
 use rayon::prelude::*;
+use stylus_dsp::fourier::Complex;
+use stylus_dsp::sums::{range_of, upper_median};
 
 use super::findings::{Findings, Line, NoLines, TrialLines};
 use super::peaks::{HIGHEST_HZ, LineSpectrum, tells_lines};
 use super::search::{Found, LEAST_SPEED_RATIO, Search, SearchedTrial};
 use super::track::{amplitudes, followed, steady, subtract, wave_at};
 use super::wander::{Course, Weave, find};
-use crate::dsp::fourier::Complex;
-use crate::dsp::sums::{range_of, upper_median};
 
 /// Relative error of the speeds in a rig's list.
 const EXACT_LIST: f64 = 1e-3;

@@ -7,14 +7,14 @@ use model_format::SAMPLE_RATE_HZ;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
+use stylus_dsp::sums::rms;
+use stylus_signals::recording::Trial;
 
 use super::findings::NoLines;
 use super::{Findings, TrialLines, separate};
-use crate::dsp::sums::rms;
 use crate::fit::blocks::Part;
 use crate::fit::excitation::tests::{fitted_to, written};
 use crate::fit::options::Options;
-use crate::recording::Trial;
 use test_helpers::near;
 
 const RATE_HZ: f64 = SAMPLE_RATE_HZ as f64;

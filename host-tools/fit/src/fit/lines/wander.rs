@@ -6,14 +6,14 @@ use std::ops::Range;
 use model_format::{SAMPLE_RATE_HZ, Wander, limits};
 use nalgebra::DVector;
 use rayon::prelude::*;
+use stylus_dsp::fourier::Complex;
+use stylus_dsp::sums::{range_of, upper_median, variance};
+use stylus_dsp::wide;
 
 use super::bands::{Band, WholeSpectrum};
 use super::peaks::{HIGHEST_HZ, LOWEST_HZ};
 use super::search::{AtSpeed, HARMONICS, LEVEL, by_speed};
 use super::track::{solved, wave, without_straight_line};
-use crate::dsp::fourier::Complex;
-use crate::dsp::sums::{range_of, upper_median, variance};
-use crate::dsp::wide;
 
 /// Natural logarithm of the probability below which a band suggests a hypothesis.
 const LN_HYPOTHESIS_CHANCE: f64 = -9.0;
