@@ -192,23 +192,13 @@ mod tests {
     use std::f64::consts::TAU;
 
     use super::*;
-    use test_helpers::{near, noise};
+    use test_helpers::{near, noise, resonant};
 
     const RATE_HZ: f64 = 5000.0;
 
     /// Noise through one resonance at `frequency_hz`.
     fn surface(len: usize, seed: u64, frequency_hz: f64) -> Vec<f64> {
-        let (radius, angle) = (0.97f64, TAU * frequency_hz / RATE_HZ);
-        let mut past = (0.0, 0.0);
-        noise(seed, len + 1000)
-            .into_iter()
-            .map(|e| {
-                let y = e + 2.0 * radius * angle.cos() * past.0 - radius * radius * past.1;
-                past = (y, past.0);
-                y
-            })
-            .skip(1000)
-            .collect()
+        resonant(noise(seed, len + 1000), TAU * frequency_hz / RATE_HZ, 0.97).split_off(1000)
     }
 
     fn blocks(signal: &[f64]) -> Vec<&[f64]> {

@@ -23,22 +23,13 @@ use crate::fit::{Fit, fit};
 use crate::scene::with_scenes;
 use crate::texture::grid::Grid;
 use crate::texture::quantise::nodes;
-use test_helpers::{near, noise};
+use test_helpers::{near, noise, resonant};
 
 /// Returns `excitation` filtered to the power spectrum of a surface, with an RMS of 1: two resonances, one of them
 /// narrow.
 pub(super) fn filtered(excitation: &[f64], hz: f64) -> Vec<f64> {
-    let resonator = |input: &[f64], hz: f64, radius: f64| -> Vec<f64> {
-        let angle = std::f64::consts::TAU * hz / f64::from(SAMPLE_RATE_HZ);
-        let (mut last, mut before) = (0.0, 0.0);
-        let step = |x: &f64| {
-            let y = x + 2.0 * radius * angle.cos() * last - radius * radius * before;
-            (before, last) = (last, y);
-            y
-        };
-        input.iter().map(step).collect()
-    };
-    let signal = resonator(&resonator(excitation, hz, 0.9), 3.0 * hz, 0.98);
+    let angle = std::f64::consts::TAU * hz / f64::from(SAMPLE_RATE_HZ);
+    let signal = resonant(resonant(excitation.iter().copied(), angle, 0.9), 3.0 * angle, 0.98);
     let rms = mean_square(&signal).sqrt();
     signal.iter().map(|x| x / rms).collect()
 }
