@@ -7,6 +7,6 @@ use std::process::ExitCode;
 
 fn main() -> ExitCode {
     // First of all, so that the blocks of every recording that is read later are reused.
-    host_tools::support::freed_memory::keep();
+    stylus_support::freed_memory::keep();
     cli::run()
 }

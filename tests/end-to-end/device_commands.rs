@@ -3,7 +3,9 @@
 use std::io::{BufRead, BufReader};
 use std::time::Duration;
 
-use crate::support::{Bench, attached, connected, holds, interrupt, json, near, play_for, scaled, text, wait_for};
+use crate::support::{
+    Bench, attached, connected, holds, interrupt, json, near, play_for, reported, scaled, text, wait_for,
+};
 use fake_stylus::actuator::Actuator;
 use fake_stylus::library::{announcement, library};
 use fake_stylus::{FakeStylus, Hand};
@@ -81,8 +83,7 @@ fn a_constant_motion_is_sent_at_its_rate_until_the_end_and_the_stop_is_read_back
     let motion = "--speed 120 --force 0.8 --seconds 2 --rate 200 --json".split(' ');
     let play = ["play", "--texture", "texture 0"].into_iter().chain(motion);
     let output = bench.command(play).output().unwrap();
-    assert!(output.status.success(), "{}", text(&output.stderr));
-    let report = json(&text(&output.stdout));
+    let report = reported(&output);
     let number = |name: &str| report[name].as_u64().unwrap();
     // 200 motions are due per second, and those that this computer left out are among them.
     let slots = number("motions") + number("skipped");
@@ -108,8 +109,7 @@ fn a_motion_from_a_file_is_followed_in_time_to_its_end() {
     bench.write("m.csv", "time_s,speed_mm_s,force_n\n0,0,0.5\n1,100,1.5\n");
     let play = ["play", "--texture", "texture 0", "--motion", "m.csv"];
     let child = bench.command(play).args(["--json"]).output().unwrap();
-    assert!(child.status.success(), "{}", text(&child.stderr));
-    let report = json(&text(&child.stdout));
+    let report = reported(&child);
     assert!(report["seconds"].as_f64().unwrap() >= 1.0, "{report}");
     let heard = stylus.take_heard().into_iter();
     let motions: Vec<_> = heard.filter_map(|heard| heard.motion).collect();
@@ -129,8 +129,7 @@ fn along_the_sensors_keep_alives_are_sent_and_ctrl_c_stops() {
     #[cfg(unix)]
     interrupt(&child);
     let output = child.wait_with_output().unwrap();
-    assert!(output.status.success(), "{}", text(&output.stderr));
-    let report = json(&text(&output.stdout));
+    let report = reported(&output);
     assert_eq!(report["motions"], 0);
     // One keep-alive is due per 10 ms, and this computer's delays may only cost some.
     let expected = report["seconds"].as_f64().unwrap() * 100.0;
@@ -154,10 +153,9 @@ fn a_play_in_which_nothing_moves_says_so() {
         let play = ["play", "--texture", "texture 0", "--json"];
         let output = play_for(Duration::from_millis(500), &stylus, &bench, play);
         let said = text(&output.stderr).replace("\n  ", " ");
-        assert!(output.status.success(), "{said}");
         let told = said.contains("nothing moved, so that nothing was heard");
         assert_eq!(told, is_still, "{said}");
-        let report = json(&text(&output.stdout));
+        let report = reported(&output);
         let fastest = report["fastest_mm_s"].as_f64().unwrap();
         assert_eq!(fastest > 0.0, !is_still, "{fastest}");
     }
@@ -174,8 +172,7 @@ fn limits_that_acted_are_counted_per_play() {
         let play = play.into_iter().chain(motion);
         let output = play_for(Duration::from_millis(500), &stylus, &bench, play);
         let said = text(&output.stderr).replace("\n  ", " ");
-        assert!(output.status.success(), "{said}");
-        let report = json(&text(&output.stdout));
+        let report = reported(&output);
         let hard = report["hard_limited"].as_u64().unwrap();
         assert_eq!(hard > 0, is_limited, "{report}");
         assert_eq!(said.contains(&format!("({hard} hard, ")), is_limited, "{said}");
@@ -196,8 +193,7 @@ fn a_play_tells_what_the_accelerometer_felt_and_what_the_active_library_lets_exp
         .chain(texture);
     // The level at the accelerometer is that of a whole second.
     let output = play_for(Duration::from_millis(2_200), &stylus, &bench, along);
-    assert!(output.status.success(), "{}", text(&output.stderr));
-    let report = json(&text(&output.stdout));
+    let report = reported(&output);
     let felt = |name: &str| report["accelerometer"][name].as_f64().unwrap();
     assert!(felt("greatest_m_s2") > 2.0 * felt("before_m_s2"), "{report}");
     let render = "render a.lib --speed 120 --force 1 --out a.wav --seconds";
@@ -219,12 +215,7 @@ fn a_play_tells_what_the_accelerometer_felt_and_what_the_active_library_lets_exp
 #[test]
 fn a_play_asks_for_a_texture_or_a_scene_and_says_where_the_options_of_a_link_belong() {
     let (_stylus, bench) = ready();
-    let said = |arguments: &str| {
-        let output = bench.run(arguments);
-        assert_eq!(output.status.code(), Some(2), "{arguments}");
-        text(&output.stderr)
-    };
-    holds(&said("play"), &["--texture <NAME>|--scene <NAME>"]);
+    holds(&bench.fail("play"), &["--texture <NAME>|--scene <NAME>"]);
     let named = bench.command(["play", "--scene", "texture 1"]).output().unwrap();
     let words = "has no scene \"texture 1\"; it has none; 'texture 0' is a texture of it";
     holds(&text(&named.stderr).replace("\n  ", " "), &[words]);
@@ -234,9 +225,9 @@ fn a_play_asks_for_a_texture_or_a_scene_and_says_where_the_options_of_a_link_bel
         ("--out a.lib fit x", "--out", ": stylus fit --out"),
     ] {
         let words = format!("'{option}' belongs after the command{after}");
-        holds(&said(arguments), &[&words]);
+        holds(&bench.fail(arguments), &[&words]);
     }
-    assert!(!said("status --nonsense").contains("belongs after"));
+    assert!(!bench.fail("status --nonsense").contains("belongs after"));
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::support::{Bench, PLAY, attached, holds, interrupt, json, text, wait_for};
+use crate::support::{Bench, PLAY, attached, holds, interrupt, reported, text, wait_for};
 use fake_stylus::FakeStylus;
 use fake_stylus::flash::Damage;
 use fake_stylus::library::library;
@@ -237,8 +237,7 @@ fn playing_over_a_slow_link_leaves_motions_out_instead_of_carrying_them_later_an
     wait_for("the status", || stylus.count("stylus/status") >= readings);
     interrupt(&play);
     let output = play.wait_with_output().unwrap();
-    assert!(output.status.success(), "{}", text(&output.stderr));
-    let report: Value = json(&text(&output.stdout));
+    let report = reported(&output);
     assert!(report["skipped"].as_u64().unwrap() > 0, "{report}");
     assert!(report["keep_alives"].as_u64().unwrap() >= 20, "{report}");
 }

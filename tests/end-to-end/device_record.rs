@@ -4,7 +4,7 @@ use std::io::Write;
 use std::process::{Child, Output};
 use std::time::Duration;
 
-use crate::support::{Bench, all_pole, attached, holds, interrupt, json, near, noise, text, wait_for};
+use crate::support::{Bench, all_pole, attached, holds, interrupt, near, noise, reported, text, wait_for};
 use fake_stylus::{FakeStylus, Hand};
 use model_format::AdcCode;
 use serde_json::Value;
@@ -26,9 +26,11 @@ fn hand(speed_mm_s: f64, force_n: f64) -> Hand {
     }
 }
 
-fn report(output: &Output) -> Value {
-    assert!(output.status.success(), "{}", text(&output.stderr));
-    json(&text(&output.stdout))
+/// A stylus that a hand moves at 100 mm/s and 1 N, and a folder whose commands use its link.
+fn moved() -> (FakeStylus, Bench) {
+    let (stylus, bench) = attached(FakeStylus::start());
+    stylus.set_hand(hand(100.0, 1.0));
+    (stylus, bench)
 }
 
 fn record(bench: &Bench, arguments: &str) -> Output {
@@ -53,7 +55,7 @@ fn what_is_recorded_is_what_was_on_the_pins_and_a_fit_takes_it() {
         let hand = hand(speed, force);
         stylus.set_hand(hand.clone());
         let arguments = format!("--texture silk --speeds {speed} --forces {force} --yes");
-        let report = report(&record(&bench, &arguments));
+        let report = reported(&record(&bench, &arguments));
         let row = &report["recorded"][0];
         assert_eq!(row["verdicts"], serde_json::json!([]), "{row}");
         near(row["level"]["speed_mm_s"].as_f64().unwrap(), speed, 0.5);
@@ -85,13 +87,12 @@ fn what_is_recorded_is_what_was_on_the_pins_and_a_fit_takes_it() {
 
 #[test]
 fn trials_that_are_there_are_not_recorded_again_unless_asked() {
-    let (stylus, bench) = attached(FakeStylus::start());
-    stylus.set_hand(hand(100.0, 1.0));
+    let (stylus, bench) = moved();
     let first = "--texture silk --speeds 100 --forces 1 --seconds 0.4 --settle 0 --yes";
-    report(&record(&bench, first));
+    reported(&record(&bench, first));
     stylus.take_heard();
     let both = "--texture silk --speeds 100,200 --forces 1 --seconds 0.4 --settle 0 --yes";
-    let second = report(&record(&bench, both));
+    let second = reported(&record(&bench, both));
     assert_eq!(second["already_there"], 1);
     assert_eq!(second["recorded"].as_array().unwrap().len(), 1);
     assert_eq!(stylus.count("stylus/record/start"), 1);
@@ -99,7 +100,7 @@ fn trials_that_are_there_are_not_recorded_again_unless_asked() {
     let verdicts = &second["recorded"][0]["verdicts"];
     holds(verdicts, &["instead of 200 mm/s"]);
     let before = samples(&bench, 0);
-    let again = report(&record(&bench, &format!("{first} --again --scale 10")));
+    let again = reported(&record(&bench, &format!("{first} --again --scale 10")));
     assert_eq!(again["recorded"].as_array().unwrap().len(), 1);
     let list = text(&bench.read("set/trials.csv"));
     assert_eq!(list.lines().count(), 3, "{list}");
@@ -108,16 +109,14 @@ fn trials_that_are_there_are_not_recorded_again_unless_asked() {
 
 #[test]
 fn a_hole_makes_a_trial_begin_anew_and_the_loss_is_told() {
-    let (stylus, bench) = attached(FakeStylus::start());
-    stylus.set_hand(hand(100.0, 1.0));
+    let (stylus, bench) = moved();
     // A stretch has 63 blocks, and the 40th is lost.
     stylus.fail(|faults| faults.lose_block_every = Some(40));
     let arguments = "--texture silk --speeds 100 --forces 1 --settle 0 --yes";
-    let failed = record(&bench, &format!("{arguments} --seconds 0.4"));
-    assert_eq!(failed.status.code(), Some(2));
-    holds(&text(&failed.stderr), &["without a hole", "on the link"]);
+    let failed = bench.fail(&format!("record set {arguments} --seconds 0.4"));
+    holds(&failed, &["without a hole", "on the link"]);
     assert!(!bench.path("set/trials.csv").exists());
-    let report = report(&record(&bench, &format!("{arguments} --seconds 0.24")));
+    let report = reported(&record(&bench, &format!("{arguments} --seconds 0.24")));
     let row = &report["recorded"][0];
     // 38 blocks fit between two holes, but not always before the first hole.
     assert!(row["holes"].as_u64().unwrap() <= 2, "{row}");
@@ -126,10 +125,9 @@ fn a_hole_makes_a_trial_begin_anew_and_the_loss_is_told() {
 
 #[test]
 fn what_the_device_loses_is_told_apart_from_what_the_link_loses() {
-    let (stylus, bench) = attached(FakeStylus::start());
-    stylus.set_hand(hand(100.0, 1.0));
+    let (stylus, bench) = moved();
     stylus.lose_samples(Duration::from_millis(300), 100);
-    let report = report(&record(&bench, "--texture silk --speeds 100 --forces 1 --yes"));
+    let report = reported(&record(&bench, "--texture silk --speeds 100 --forces 1 --yes"));
     let row = &report["recorded"][0];
     let lost = row["loss"]["in_device"].as_u64().unwrap();
     assert!((4..=5).contains(&lost), "{row}");
@@ -141,12 +139,11 @@ fn what_the_device_loses_is_told_apart_from_what_the_link_loses() {
 #[test]
 fn torn_samples_are_told_and_interpolated_and_too_many_are_no_recording() {
     for (torn, is_kept) in [(40, true), (2_000, false)] {
-        let (stylus, bench) = attached(FakeStylus::start());
-        stylus.set_hand(hand(100.0, 1.0));
+        let (stylus, bench) = moved();
         stylus.tear_samples(Duration::from_millis(1_200), torn);
         let output = record(&bench, "--texture silk --speeds 100 --forces 1 --yes");
         if is_kept {
-            let row = &report(&output)["recorded"][0];
+            let row = &reported(&output)["recorded"][0];
             assert_eq!(row["interpolated"], torn, "{row}");
             let told = row["loss"]["torn_samples"].as_u64();
             assert!(told >= Some(torn.into()), "{row}");
@@ -158,8 +155,7 @@ fn torn_samples_are_told_and_interpolated_and_too_many_are_no_recording() {
 
 #[test]
 fn the_person_at_the_keyboard_says_what_is_recorded_kept_and_left_out() {
-    let (stylus, bench) = attached(FakeStylus::start());
-    stylus.set_hand(hand(100.0, 1.0));
+    let (stylus, bench) = moved();
     bench.write(
         "points.csv",
         "texture,speed_mm_s,force_n\nsilk,100,1\nsilk,200,1\nfelt,100,1\nfelt,50,1\nfelt,40,1\n",
@@ -171,7 +167,7 @@ fn the_person_at_the_keyboard_says_what_is_recorded_kept_and_left_out() {
     keyboard.write_all(b"\n\nr\n\n\ns\nq\n").unwrap();
     let output = child.wait_with_output().unwrap();
     let said = text(&output.stderr);
-    let report = report(&output);
+    let report = reported(&output);
     assert_eq!(report["recorded"].as_array().unwrap().len(), 2, "{said}");
     assert_eq!(report["left_out"], 3);
     assert_eq!(stylus.count("stylus/record/start"), 3);
@@ -183,7 +179,7 @@ fn the_person_at_the_keyboard_says_what_is_recorded_kept_and_left_out() {
     let mut child = spawn(&bench, "--trials points.csv --seconds 0.5 --settle 0");
     let mut keyboard = child.stdin.take().unwrap();
     keyboard.write_all(b"s\n\nq\n").unwrap();
-    let second = self::report(&child.wait_with_output().unwrap());
+    let second = reported(&child.wait_with_output().unwrap());
     assert_eq!(second["already_there"], 2);
     assert_eq!(second["recorded"][0]["speed_mm_s"], 50.0);
     assert_eq!(second["left_out"], 2);
@@ -193,13 +189,12 @@ fn the_person_at_the_keyboard_says_what_is_recorded_kept_and_left_out() {
 fn a_recording_that_was_to_be_made_again_is_told_as_long_as_it_is_in_the_folder() {
     // The first trial is too slow, and what follows the request for another recording is not that.
     for (keys, left_out) in [("\nr\ns\nq\n", 1), ("\nr\nq\n", 1), ("\nr\ns\n\n\n", 0)] {
-        let (stylus, bench) = attached(FakeStylus::start());
-        stylus.set_hand(hand(100.0, 1.0));
+        let (_stylus, bench) = moved();
         let trials = "--texture silk --speeds 200,300 --forces 1 --seconds 0.5 --settle 0";
         let mut child = spawn(&bench, trials);
         let mut keyboard = child.stdin.take().unwrap();
         keyboard.write_all(keys.as_bytes()).unwrap();
-        let report = report(&child.wait_with_output().unwrap());
+        let report = reported(&child.wait_with_output().unwrap());
         let recorded = report["recorded"].as_array().unwrap();
         let list = text(&bench.read("set/trials.csv"));
         assert_eq!(recorded.len(), list.lines().count() - 1, "{report}");
@@ -228,7 +223,7 @@ fn triage_judges_each_trial_when_it_is_there() {
         ..hand(0.0, 0.0)
     });
     let air = "--texture air --speeds 100 --forces 1 --yes";
-    let said = report(&record(&bench, air));
+    let said = reported(&record(&bench, air));
     let verdicts = said["recorded"][0]["verdicts"].as_array().unwrap();
     assert_eq!(verdicts.len(), 1, "{said}");
     let words = "nothing moved: the sensors say 0.0 mm/s and 0.00 N";
@@ -239,7 +234,7 @@ fn triage_judges_each_trial_when_it_is_there() {
             ..good.clone()
         });
         let arguments = format!("--texture {texture} --speeds 100 --forces 1 --yes");
-        let report = report(&record(&bench, &arguments));
+        let report = reported(&record(&bench, &arguments));
         holds(&report["recorded"][0]["verdicts"], &[word]);
     }
 }
@@ -247,13 +242,12 @@ fn triage_judges_each_trial_when_it_is_there() {
 #[cfg(unix)]
 #[test]
 fn ctrl_c_ends_a_trial_without_a_trace_of_it() {
-    let (stylus, bench) = attached(FakeStylus::start());
-    stylus.set_hand(hand(100.0, 1.0));
+    let (stylus, bench) = moved();
     let long = "--texture silk --speeds 100 --forces 1 --seconds 60 --yes";
     let child = spawn(&bench, long);
     wait_for("the recording", || stylus.count("stylus/record/start") > 0);
     interrupt(&child);
-    let report = report(&child.wait_with_output().unwrap());
+    let report = reported(&child.wait_with_output().unwrap());
     assert_eq!(report["left_out"], 1);
     assert_eq!(report["recorded"], Value::Array(vec![]));
     assert!(!bench.path("set/trials.csv").exists());
@@ -263,18 +257,16 @@ fn ctrl_c_ends_a_trial_without_a_trace_of_it() {
 
 #[test]
 fn a_recording_that_was_left_running_is_stopped_by_stop() {
-    let (stylus, bench) = attached(FakeStylus::start());
-    stylus.set_hand(hand(100.0, 1.0));
+    let (stylus, bench) = moved();
     let mut child = spawn(&bench, "--texture silk --speeds 100 --forces 1 --seconds 60 --yes");
     wait_for("the recording", || stylus.count("stylus/record/start") > 0);
     child.kill().unwrap();
     child.wait().unwrap();
     let arguments = "--texture silk --speeds 100 --forces 1 --yes";
-    let refused = record(&bench, arguments);
-    assert_eq!(refused.status.code(), Some(2));
-    assert!(text(&refused.stderr).contains("a recording is under way: stop it first"));
+    let refused = bench.fail(&format!("record set {arguments}"));
+    holds(&refused, &["a recording is under way: stop it first"]);
     holds(&bench.succeed("stop"), &["stopped recording"]);
-    report(&record(&bench, arguments));
+    reported(&record(&bench, arguments));
 }
 
 /// The columns of a recording of strokes; its header and comments are skipped.
@@ -322,8 +314,7 @@ fn a_free_hands_strokes_are_recorded_cut_and_fitted() {
 #[cfg(unix)]
 #[test]
 fn ctrl_c_ends_strokes_and_keeps_them_and_what_the_link_loses_is_a_hole() {
-    let (stylus, bench) = attached(FakeStylus::start());
-    stylus.set_hand(hand(100.0, 1.0));
+    let (stylus, bench) = moved();
     stylus.fail(|faults| faults.lose_block_every = Some(10));
     let child = bench.spawn(["record", "a.csv", "--strokes", "--json"]);
     wait_for("the recording", || stylus.count("stylus/record/start") > 0);
@@ -331,7 +322,7 @@ fn ctrl_c_ends_strokes_and_keeps_them_and_what_the_link_loses_is_a_hole() {
     let end = stylus.time() + Duration::from_millis(700);
     wait_for("the blocks", || stylus.time() >= end);
     interrupt(&child);
-    let report = report(&child.wait_with_output().unwrap());
+    let report = reported(&child.wait_with_output().unwrap());
     let rows = columns(&bench, "a.csv");
     let lost = rows.iter().filter(|row| row[1].is_nan()).count() as u64;
     assert!(lost > 0, "{report}");
@@ -350,9 +341,9 @@ fn a_duration_that_no_recording_can_have_is_refused_before_memory_is_taken_for_i
         "record set --texture silk --speeds 100 --forces 1 --yes",
         "record strokes.csv --strokes",
     ] {
-        let output = bench.run(&format!("{command} --seconds 1e12"));
-        let message = text(&output.stderr);
-        assert_eq!(output.status.code(), Some(2), "{message}");
-        holds(&message, &["more than 8388608 samples"]);
+        holds(
+            &bench.fail(&format!("{command} --seconds 1e12")),
+            &["more than 8388608 samples"],
+        );
     }
 }

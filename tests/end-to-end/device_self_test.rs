@@ -150,9 +150,10 @@ fn a_line_of_the_encoder_that_is_stuck_is_named() {
 #[test]
 fn a_second_link_that_cannot_be_opened_is_an_error_before_anything_is_measured() {
     let (stylus, bench) = on(Board::default());
-    let other = bench.run("selftest --also tcp:127.0.0.1:1 --seconds 0.1");
-    assert_eq!(other.status.code(), Some(2));
-    holds(&text(&other.stderr), &["127.0.0.1:1"]);
+    holds(
+        &bench.fail("selftest --also tcp:127.0.0.1:1 --seconds 0.1"),
+        &["127.0.0.1:1"],
+    );
     assert_eq!(stylus.count("stylus/selftest"), 0);
     assert_eq!(bench.names(), [""; 0]);
 }

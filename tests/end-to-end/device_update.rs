@@ -4,7 +4,7 @@ use fake_stylus::{BOARD, FakeStylus, StartedImage};
 use model_format::link::{BoardName, DEVELOPMENT_SEED, ImageVersion};
 use stylus_app::update::sign;
 
-use crate::support::{Bench, attached, holds, text};
+use crate::support::{Bench, attached, holds};
 
 const OLD: StartedImage = StartedImage {
     version: ImageVersion::new([1, 0, 0]),
@@ -37,18 +37,14 @@ fn an_update_is_done_once_the_new_image_runs_and_is_confirmed() {
 #[test]
 fn an_update_for_another_board_is_refused_before_anything_of_it_is_sent() {
     let (stylus, bench) = before_an_update(NEW);
-    let output = bench.run("update other.image");
-    assert_eq!(output.status.code(), Some(2));
     let words = "for a WEACT-H743VI, and the device is a NUCLEO-H743ZI2: give";
-    holds(&text(&output.stderr), &[words]);
+    holds(&bench.fail("update other.image"), &[words]);
     assert_eq!(stylus.count("stylus/update/begin"), 0);
 }
 
 #[test]
 fn an_update_after_which_the_old_image_runs_fails_and_says_which_one_runs() {
     let (_stylus, bench) = before_an_update(OLD);
-    let output = bench.run("update new.image");
-    assert_eq!(output.status.code(), Some(2));
     let words = "1.0.0 runs, and not the new image, 1.1.0";
-    holds(&text(&output.stderr), &[words]);
+    holds(&bench.fail("update new.image"), &[words]);
 }

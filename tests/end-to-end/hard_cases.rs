@@ -6,6 +6,7 @@ use crate::support::{Bench, json};
 
 #[test]
 fn the_lattice_holds_its_promises_in_every_hard_case() {
+    // The command fails if a case breaks a promise.
     let outcomes = json(&Bench::new().succeed("stress --json"));
     let outcomes = outcomes.as_array().unwrap();
     assert_eq!(outcomes.len(), cases::suite(cases::Length::Full).len());
@@ -13,11 +14,6 @@ fn the_lattice_holds_its_promises_in_every_hard_case() {
     let figure = |outcome: &serde_json::Value, name: &str| outcome[name].as_f64().unwrap();
     for outcome in outcomes {
         let name = outcome["case"].as_str().unwrap();
-        assert_eq!(outcome["saturated"], 0, "{name}");
-        for after in ["stopped", "overdriven", "glitched"] {
-            assert_eq!(outcome[after]["growing"], 0, "{name}");
-            assert!(outcome[after]["silent_after"].is_u64(), "{name}");
-        }
         if name.starts_with('H') {
             assert!(figure(outcome, "snr_db") >= 108.0, "{name}");
             assert!(figure(outcome, "spectrum_db") <= 0.05, "{name}");

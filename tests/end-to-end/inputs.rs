@@ -578,9 +578,8 @@ fn recordings_without_a_list_whose_names_differ_by_one_number_are_pointed_at() {
         let file = wav(&[&noise(3, 4_000)], 5_000);
         bench.write(&format!("denim_{speed}.wav"), file);
     }
-    let note = bench.run("fit denim_50.wav denim_100.wav --out a.lib");
-    let words = &["differ by one number", "'denim_{speed}.wav'"];
-    holds(&text(&note.stderr), words);
+    let note = bench.told("fit denim_50.wav denim_100.wav --out a.lib");
+    holds(&note, &["differ by one number", "'denim_{speed}.wav'"]);
     let list = "file,texture,speed_mm_s,force_n,note\ndenim_50.wav,denim,50,1,a new tip\n";
     bench.write("list.csv", list);
     bench.succeed("fit list.csv --out b.lib");

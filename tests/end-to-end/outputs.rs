@@ -123,6 +123,7 @@ fn the_rule_of_outputs_holds_for_every_command_before_its_work() {
     for command in FOLDERS {
         for (name, word) in [
             ("diary", "is no folder"),
+            ("diary/o", "is a file and no folder"),
             ("nowhere/o", "there is no folder"),
             ("mine", "notes.txt"),
         ] {

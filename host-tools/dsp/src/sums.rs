@@ -174,6 +174,14 @@ pub fn moments_inlined(values: &[f64]) -> Moments {
     }
 }
 
+/// Returns the lowest and the highest of `values`, none of which is negative; 0 if there are none.
+pub fn range_of(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    let (low, high) = values.fold((f64::INFINITY, 0.0f64), |(low, high), value| {
+        (low.min(value), high.max(value))
+    });
+    (low.min(high), high)
+}
+
 /// Returns the lowest and the highest of `values`, none of which may be NaN. If there are no values, it returns
 /// `f64::MAX` and `f64::MIN`.
 pub fn extremes(values: &[f64]) -> (f64, f64) {

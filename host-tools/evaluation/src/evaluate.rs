@@ -9,6 +9,22 @@ use std::collections::HashMap;
 
 use model_format::{Library, MillimetresPerSecond, Newton, SAMPLE_RATE_HZ, Texture};
 use serde::Serialize;
+use stylus_dsp::high_pass::high_pass;
+use stylus_dsp::spectrum::{self, BAND_COUNT, BAND_LABELS_HZ};
+use stylus_dsp::sums::rms;
+use stylus_fit::fit::blocks::{Blocks, Part};
+use stylus_fit::fit::conditioning::Conditioning;
+use stylus_fit::fit::lines::Lines;
+use stylus_fit::fit::record::FitRecord;
+use stylus_fit::fit::{self, FloorChoice, Recordings, Signal};
+use stylus_fit::texture::library::{decoded, library_of};
+use stylus_signals::playing::motion::MotionPath;
+use stylus_signals::playing::render::{Rendered, render};
+use stylus_signals::recording::{RecordingSet, Trial};
+use stylus_support::file_name::portable;
+use stylus_support::in_order::in_order;
+use stylus_support::nearest::{listed, nearly};
+use stylus_support::{Error, Result};
 
 use super::held_out::{Judge, JudgeKind, in_words};
 use super::liveliness::{self, Signals, TrialLiveliness, slices};
@@ -20,22 +36,6 @@ use super::summary::{
 };
 use super::table::Table;
 use super::verdict;
-use crate::dsp::high_pass::high_pass;
-use crate::dsp::spectrum::{self, BAND_COUNT, BAND_LABELS_HZ};
-use crate::dsp::sums::rms;
-use crate::fit::blocks::{Blocks, Part};
-use crate::fit::conditioning::Conditioning;
-use crate::fit::lines::Lines;
-use crate::fit::record::FitRecord;
-use crate::fit::{self, FloorChoice, Recordings, Signal};
-use crate::playing::motion::MotionPath;
-use crate::playing::render::{Rendered, render};
-use crate::recording::{RecordingSet, Trial};
-use crate::support::error::{Error, Result};
-use crate::support::file_name::portable;
-use crate::support::in_order::in_order;
-use crate::support::nearest::{listed, nearly};
-use crate::texture::library::{decoded, library_of};
 
 /// Beginning of a synthesis that no comparison uses, s: the frontier's filters begin at rest.
 pub(super) const WARM_UP_S: f64 = 0.5;
@@ -622,7 +622,7 @@ fn scores_of(reference: &[&[f64]], signal: &[&[f64]], range: &ScoringRange, opti
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::support::float_wav::float_wav;
+    use stylus_support::float_wav::float_wav;
     use test_helpers::noise;
 
     /// A trial of 6 s of noise, with a silence in its third second that triage cuts.

@@ -1,13 +1,12 @@
 //! The part of the data that judges a model, which is never the part that it was fitted to.
 
 use serde::Serialize;
-
-use crate::fit;
-use crate::fit::conditioning::Conditioning;
-use crate::fit::record::FitRecord;
-use crate::recording::{RecordingSet, Trial};
-use crate::support::error::{Error, Result};
-use crate::support::in_order::in_order;
+use stylus_fit::fit;
+use stylus_fit::fit::conditioning::Conditioning;
+use stylus_fit::fit::record::FitRecord;
+use stylus_signals::recording::{RecordingSet, Trial};
+use stylus_support::in_order::in_order;
+use stylus_support::{Error, Result};
 
 /// The data that judge the model of a trial.
 #[derive(Clone, Debug, PartialEq)]

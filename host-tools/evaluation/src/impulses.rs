@@ -1,9 +1,9 @@
 //! Impulses at each speed, because a median over a grid hides the speeds at which impulses are missing.
 
 use serde::Serialize;
+use stylus_dsp::liveliness::median;
 
 use super::liveliness::{Role, TrialLiveliness};
-use crate::dsp::liveliness::median;
 
 /// Difference of kurtosis above which a trial's impulses are off, octaves.
 pub const OFF_OCTAVES: f64 = 1.0;

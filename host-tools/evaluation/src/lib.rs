@@ -3,11 +3,6 @@
 //! Invariant: results are data. Nothing here draws or prints, and only the recordings that the frontier simulates are
 //! written to files.
 
-// The crates below this one, under the names that this crate uses for them.
-use stylus_fit::{fit, scene, texture};
-use stylus_signals::{playing, recording, rig};
-use {stylus_dsp as dsp, stylus_support as support};
-
 pub mod evaluate;
 pub mod frontier;
 pub mod held_out;

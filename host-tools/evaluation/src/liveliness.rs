@@ -7,9 +7,9 @@
 
 use model_format::SAMPLE_RATE_HZ;
 use serde::Serialize;
+use stylus_dsp::liveliness::{Liveliness, median, strongest_line_hz};
 
 use super::played::{Played, Version};
-use crate::dsp::liveliness::{Liveliness, median, strongest_line_hz};
 
 /// A signal's role in a comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

@@ -8,8 +8,7 @@ use std::collections::BTreeMap;
 
 use model_format::SAMPLE_RATE_HZ;
 use serde::Serialize;
-
-use crate::dsp::sums::{sliding, upper_median};
+use stylus_dsp::sums::{sliding, upper_median};
 
 /// Duration of a window, s.
 const WINDOW_S: f64 = 0.005;

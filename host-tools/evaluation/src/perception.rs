@@ -17,13 +17,12 @@
 
 use model_format::SAMPLE_RATE_HZ;
 use serde::Serialize;
-
-use crate::dsp::high_pass::lowest_hz;
-use crate::dsp::spectrum::{
+use stylus_dsp::high_pass::lowest_hz;
+use stylus_dsp::spectrum::{
     AMPLITUDE_JND_DB, BAND_COUNT, PowerSpectrum, THIRD_OCTAVE_RATIO, band_edges_hz, band_errors_within_db,
     longest_segment,
 };
-use crate::fit::carried_hz;
+use stylus_fit::fit::carried_hz;
 
 /// The frequency that divides low from high, Hz: below it skin follows single cycles, above it feels a tone or noise.
 pub const LOW_HIGH_HZ: f64 = 100.0;
@@ -193,23 +192,13 @@ mod tests {
     use std::f64::consts::TAU;
 
     use super::*;
-    use test_helpers::{near, noise};
+    use test_helpers::{near, noise, resonant};
 
     const RATE_HZ: f64 = 5000.0;
 
     /// Noise through one resonance at `frequency_hz`.
     fn surface(len: usize, seed: u64, frequency_hz: f64) -> Vec<f64> {
-        let (radius, angle) = (0.97f64, TAU * frequency_hz / RATE_HZ);
-        let mut past = (0.0, 0.0);
-        noise(seed, len + 1000)
-            .into_iter()
-            .map(|e| {
-                let y = e + 2.0 * radius * angle.cos() * past.0 - radius * radius * past.1;
-                past = (y, past.0);
-                y
-            })
-            .skip(1000)
-            .collect()
+        resonant(noise(seed, len + 1000), TAU * frequency_hz / RATE_HZ, 0.97).split_off(1000)
     }
 
     fn blocks(signal: &[f64]) -> Vec<&[f64]> {

@@ -2,10 +2,9 @@
 
 use model_format::{PartsSpec, Texture, TextureSpec, encode};
 use serde::Serialize;
-
-use crate::scene::texture_spec;
-use crate::support::error::{Error, Result};
-use crate::texture::library::decoded;
+use stylus_fit::scene::texture_spec;
+use stylus_fit::texture::library::decoded;
+use stylus_support::{Error, Result};
 
 /// A choice of a texture's parts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, clap::ValueEnum)]

@@ -6,22 +6,22 @@ use std::path::{Path, PathBuf};
 use model_format::{Provenance, SAMPLE_RATE_HZ, Texture};
 use rayon::prelude::*;
 use serde::Serialize;
+use stylus_dsp::high_pass::high_pass;
+use stylus_dsp::motion_law::{LevelAt, MotionLaw};
+use stylus_dsp::spectrum::{AMPLITUDE_JND_DB, PowerSpectrum, band_errors_within_db};
+use stylus_dsp::sums::{energy, mean, variance};
+use stylus_fit::fit;
+use stylus_fit::fit::conditioning::Conditioning;
+use stylus_signals::playing::motion::{MotionPath, MotionRow};
+use stylus_signals::playing::render::render;
+use stylus_signals::recording::freehand::{Freehand, LEAST_FORCE_N, LEAST_SPEED_MM_S};
+use stylus_signals::recording::{HeldSamples, Trial};
+use stylus_support::number::counted;
+use stylus_support::{Error, Result};
 
 use super::perception::ScoringRange;
 use super::table::{Table, number};
 use super::verdict::{NEAR_DB, further};
-use crate::dsp::high_pass::high_pass;
-use crate::dsp::motion_law::{LevelAt, MotionLaw};
-use crate::dsp::spectrum::{AMPLITUDE_JND_DB, PowerSpectrum, band_errors_within_db};
-use crate::dsp::sums::{energy, mean, variance};
-use crate::fit;
-use crate::fit::conditioning::Conditioning;
-use crate::playing::motion::{MotionPath, MotionRow};
-use crate::playing::render::render;
-use crate::recording::freehand::{Freehand, LEAST_FORCE_N, LEAST_SPEED_MM_S};
-use crate::recording::{HeldSamples, Trial};
-use crate::support::error::{Error, Result};
-use crate::support::number::counted;
 
 /// Duration over which a level is measured, s.
 const WINDOW_S: f64 = 0.1;

@@ -1,6 +1,7 @@
 //! Summary of an evaluation per texture, and the rows of the tables that commands and pages show.
 
 use serde::Serialize;
+use stylus_dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT};
 
 use super::held_out::JudgeKind;
 use super::impulses::Impulses;
@@ -8,7 +9,6 @@ use super::liveliness::{self, Summary, TrialLiveliness};
 use super::loudness::{Loudness, Placed, TrialLoudness};
 use super::perception::{Perceived, ScoringRange};
 use super::table::{Table, number, percent};
-use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT};
 
 /// Summary of a texture's trials. Silent trials are counted, and left out of all means.
 #[derive(Clone, Debug, Serialize)]

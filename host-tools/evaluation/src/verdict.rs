@@ -4,14 +4,15 @@
 //! recording that judges, and the numbers are those of the tables. The synthesis is called near only if it is as near
 //! as the other recording, within [`NEAR_DB`] or [`NEAR_OCTAVES`].
 
+use stylus_dsp::liveliness::median;
+use stylus_dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT, BAND_LABELS_HZ};
+
 use super::held_out::JudgeKind;
 use super::impulses::{AtSpeed, Impulses, OFF_OCTAVES, speeds_in_words};
 use super::liveliness::{Differences, Role, Summary};
 use super::loudness::{Loudness, TOO_STRONG};
 use super::perception::{DISTANCE_RANGE_HZ, ScoringRange};
 use super::summary::{Means, Scores, TextureEvaluation, TrialEvaluation, mean};
-use crate::dsp::liveliness::median;
-use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT, BAND_LABELS_HZ};
 
 /// Largest distance in excess of the other recording's at which a spectrum or a level counts as equally near, dB. It is
 /// half of what is felt.
@@ -231,7 +232,7 @@ fn median_line(heard: &[&TrialEvaluation]) -> Option<(f64, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dsp::liveliness::Liveliness;
+    use stylus_dsp::liveliness::Liveliness;
     use test_helpers::holds;
 
     /// A recording, a synthesis that is off by `octaves` of kurtosis and `spread_db` of evenness, and another

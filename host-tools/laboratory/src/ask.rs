@@ -21,8 +21,8 @@ use stylus_signals::recording::triage::Verdict;
 use stylus_signals::recording::{Kind, RecordingSet, TRIALS_FILE, Unscaled};
 use stylus_signals::rig::{self, RigFile};
 use stylus_support::bounded_file::Format;
-use stylus_support::error::{Error, Result};
 use stylus_support::files::{self, Bytes};
+use stylus_support::{Error, Result};
 use stylus_support::{atomic_file, progress};
 
 use crate::rows::{Row, filled, listed};

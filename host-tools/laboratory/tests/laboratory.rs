@@ -8,7 +8,7 @@ use stylus_fit::fit::{Options, fit};
 use stylus_laboratory::{Asked, answer};
 use stylus_signals::recording::{RecordingSet, Trial, read};
 use stylus_signals::rig::{RigFile, simulate_to_folder};
-use stylus_support::error::Result;
+use stylus_support::Result;
 use stylus_support::float_wav::float_wav;
 use stylus_support::{atomic_file, files};
 

@@ -11,7 +11,7 @@ use host_tools::link::play::{Drive, MAX_MOTION_RATE_HZ, MIN_MOTION_RATE_HZ, Play
 use host_tools::link::settings::{self as described, Known, SettingRow, consequences};
 use host_tools::link::upload::upload_over;
 use host_tools::link::{Device as Linked, LinkAddress, LinkError, Timeouts};
-use host_tools::support::error::{Error, Result};
+use host_tools::support::{Error, Result};
 use model_format::link::{
     Activity, DeviceInfo, MotionRefused, MotionSource, PlayRequest, Selection, SettingChange, SettingsChange, SlotId,
     Status, TextureName,

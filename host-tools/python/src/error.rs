@@ -3,7 +3,7 @@
 use std::ffi::CString;
 use std::path::PathBuf;
 
-use host_tools::support::error::Error;
+use host_tools::support::Error;
 use host_tools::support::visible::message;
 use pyo3::exceptions::{PyException, PyUserWarning};
 use pyo3::prelude::*;

@@ -13,7 +13,7 @@ use host_tools::fit::record::FitRecord;
 use host_tools::recording::RecordingSet;
 use host_tools::report::sound::node_seconds;
 use host_tools::report::{evaluation_page, listening_page, rub_page};
-use host_tools::support::error::Result;
+use host_tools::support::Result;
 use host_tools::support::output::{OutputFolder, check_file, check_folder};
 use host_tools::support::temporaries::folder_of;
 use host_tools::texture::library::decode_library;

@@ -7,7 +7,7 @@ use host_tools::fit as fitted;
 use host_tools::fit::Options;
 use host_tools::fit::record::FitRecord;
 use host_tools::recording::{freehand, texture_fault};
-use host_tools::support::error::Result;
+use host_tools::support::Result;
 use host_tools::support::warning::by_kind;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use host_tools::fit::record::FitRecord;
 use host_tools::scene::{scene_named, with_scenes};
+use host_tools::support::Result;
 use host_tools::support::atomic_file;
-use host_tools::support::error::Result;
 use host_tools::support::output::check_file;
 use host_tools::support::visible::visible_line;
 use host_tools::texture::library::{decode_library, read_library};

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use host_tools::scene::{SceneFile, SceneSummary};
-use host_tools::support::error::Result;
+use host_tools::support::Result;
 use host_tools::texture::summary::TextureSummary;
 use pyo3::prelude::*;
 use serde::Serialize;

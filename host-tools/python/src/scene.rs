@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use host_tools::scene::{CompiledScene, CostReport};
-use host_tools::support::error::Result;
+use host_tools::support::Result;
 use host_tools::texture::library::decode_library;
 use model_format::Provenance;
 use model_format::scene::MotionOfScene;

@@ -4,25 +4,25 @@
 use std::path::{Path, PathBuf};
 
 use model_format::{Axis, Library, Node, SAMPLE_RATE_HZ, Texture};
+use stylus_dsp::spectrum::{PowerSpectrum, longest_segment};
+use stylus_evaluation::evaluate::{Comparison, Evaluation, Excerpt, texture_named};
+use stylus_evaluation::held_out::JudgeKind;
+use stylus_evaluation::leave_one_out::LeaveOneOut;
+use stylus_evaluation::liveliness::summaries;
+use stylus_evaluation::summary::{LIVELINESS_EXPLANATION, TrialEvaluation, explanation, liveliness_table};
+use stylus_evaluation::{evaluate, verdict};
+use stylus_fit::texture::grid::as_written;
+use stylus_fit::texture::library::unknown_levels;
+use stylus_signals::recording::RecordingSet;
+use stylus_support::Result;
+use stylus_support::atomic_file;
+use stylus_support::file_name::Stems;
 
 use super::html::{Page, Sound};
 use super::plot::{
     COST, Caption, Curve, GridCell, GridMap, Scale, Svg, WIDE, densities, grid_map, spectra, spectrograms, waveforms,
 };
 use super::sound::{SOUNDS_BYTES, clip, sound};
-use crate::dsp::spectrum::{PowerSpectrum, longest_segment};
-use crate::evaluation::evaluate::{Comparison, Evaluation, Excerpt, texture_named};
-use crate::evaluation::held_out::JudgeKind;
-use crate::evaluation::leave_one_out::LeaveOneOut;
-use crate::evaluation::liveliness::summaries;
-use crate::evaluation::summary::{LIVELINESS_EXPLANATION, TrialEvaluation, explanation, liveliness_table};
-use crate::evaluation::{evaluate, verdict};
-use crate::recording::RecordingSet;
-use crate::support::atomic_file;
-use crate::support::error::Result;
-use crate::support::file_name::Stems;
-use crate::texture::grid::as_written;
-use crate::texture::library::unknown_levels;
 
 /// The page's name in its folder.
 const PAGE: &str = "index.html";

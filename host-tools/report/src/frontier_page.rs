@@ -3,16 +3,16 @@
 use std::path::Path;
 
 use stylus_costs::Origin;
-
-use crate::dsp::spectrum::AMPLITUDE_JND_DB;
-use crate::evaluation::frontier::{
+use stylus_dsp::spectrum::AMPLITUDE_JND_DB;
+use stylus_evaluation::frontier::{
     CHOICES_NOTE, CLOCKS_HZ, Filter, Frontier, Point, Structure, clock_headings, interval_ms, moving, share,
 };
-use crate::evaluation::table::{Table, percent};
-use crate::fit::Order;
+use stylus_evaluation::table::{Table, percent};
+use stylus_fit::fit::Order;
+use stylus_support::Result;
+
 use crate::html::Page;
 use crate::plot::{Caption, FrontPoint, FrontSeries, Quantity, Svg, front_chart};
-use crate::support::error::Result;
 
 /// Interval of updates on a device, samples.
 const DEVICE_INTERVAL: usize = stylus_kernel::UPDATE_INTERVAL_SAMPLES as usize;

@@ -12,14 +12,13 @@ use std::path::Path;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
+use stylus_evaluation::table::Table;
+use stylus_support::Result;
+use stylus_support::atomic_file;
+use stylus_support::visible::page_json;
 
-use crate::evaluation::table::Table;
-use crate::family;
 use crate::plot::Svg;
-use crate::support::atomic_file;
-use crate::support::error::Result;
-pub use crate::support::visible::escaped;
-use crate::support::visible::page_json;
+pub use stylus_support::visible::escaped;
 
 /// The page's content security policy: nothing is fetched from anywhere, and all scripts and pictures are in the page.
 pub const POLICY: &str = "default-src 'none'; img-src data:; media-src data:; style-src 'unsafe-inline'; \
@@ -196,10 +195,10 @@ impl Page {
             "<main>\n<h1>{title}</h1>\n{contents}{body}</main>\n{nodes}<script>\n{plots}</script>\n\
              <script>\n{players}</script>\n",
             nodes = self.nodes(),
-            plots = family::plots_script(),
-            players = family::players_script(),
+            plots = stylus_pages::plots_script(),
+            players = stylus_pages::players_script(),
         );
-        family::document(POLICY, title, "", &content)
+        stylus_pages::document(POLICY, title, "", &content)
     }
 
     /// Writes the page into a file. The file is written completely or not at all.

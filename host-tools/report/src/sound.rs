@@ -1,8 +1,8 @@
 //! Conversion of signals to sounds that a browser plays.
 
-use crate::recording::resample;
-use crate::support::error::{Error, Result};
 use model_format::SAMPLE_RATE_HZ;
+use stylus_signals::recording::resample;
+use stylus_support::{Error, Result};
 
 /// Sample rate of a page's sounds, Hz. Every browser plays it.
 const SOUND_RATE_HZ: u32 = 20_000;

@@ -2,22 +2,22 @@
 
 use std::path::{Path, PathBuf};
 
-use host_tools::evaluation::evaluate;
-use host_tools::evaluation::listening::{
+use stylus_evaluation::evaluate;
+use stylus_evaluation::listening::{
     self, Answers, CONFIDENCE, Compared, Design, Kind, Pair, Part, Plan, Score, once, plan, score,
 };
-use host_tools::fit::conditioning::Conditioning;
-use host_tools::fit::record::FitRecord;
-use host_tools::report::listening_page;
-use host_tools::support::error::{Error, Result};
-use host_tools::support::number::counted;
+use stylus_fit::fit::conditioning::Conditioning;
+use stylus_fit::fit::record::FitRecord;
+use stylus_report::listening_page;
+use stylus_support::number::counted;
+use stylus_support::{Error, Result};
 
 use super::files::Overwrite;
 use super::input::{Recordings, positive};
 use super::table::{headed, table};
 use crate::cli::evaluate::{as_fitted, choose};
 use crate::cli::output::{note, print};
-use host_tools::texture::library::{decode_library, read_library};
+use stylus_fit::texture::library::{decode_library, read_library};
 
 #[derive(clap::Args)]
 #[command(

@@ -3,8 +3,8 @@
 use clap::Command;
 use clap_complete::Shell;
 use clap_mangen::Man;
-use host_tools::support::error::{Error, Result};
 use std::path::Path;
+use stylus_support::{Error, Result};
 
 use super::output::print_exactly;
 

@@ -4,26 +4,26 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use host_tools::evaluation::evaluate::{self, Evaluation};
-use host_tools::evaluation::held_out::judges;
-use host_tools::evaluation::played;
-use host_tools::fit::record::FitRecord;
-use host_tools::fit::{self, Fit};
-use host_tools::playing::motion::MotionPath;
-use host_tools::playing::render::{WavFormat, render_wav};
-use host_tools::recording::RecordingSet;
-use host_tools::report::evaluation_page;
-use host_tools::report::rub_page::{Clips, Inputs, Recordings};
-use host_tools::report::sound::node_seconds;
-use host_tools::rig::{self, RigFile};
-use host_tools::support::atomic_file;
-use host_tools::support::error::{Error, Result};
-use host_tools::support::file_name::portable;
-use host_tools::support::output::OutputFolder;
 use model_format::Library;
+use stylus_evaluation::evaluate::{self, Evaluation};
+use stylus_evaluation::held_out::judges;
+use stylus_evaluation::played;
+use stylus_fit::fit::record::FitRecord;
+use stylus_fit::fit::{self, Fit};
+use stylus_report::evaluation_page;
+use stylus_report::rub_page::{Clips, Inputs, Recordings};
+use stylus_report::sound::node_seconds;
+use stylus_signals::playing::motion::MotionPath;
+use stylus_signals::playing::render::{WavFormat, render_wav};
+use stylus_signals::recording::RecordingSet;
+use stylus_signals::rig::{self, RigFile};
+use stylus_support::atomic_file;
+use stylus_support::file_name::portable;
+use stylus_support::output::OutputFolder;
+use stylus_support::{Error, Result};
 
 use super::output::{print, warn_of};
-use host_tools::texture::library::decode_library;
+use stylus_fit::texture::library::decode_library;
 
 /// Motion along which every texture is rendered: a stroke that speeds up, presses harder, and comes to rest.
 const STROKE: &str = "\

@@ -2,35 +2,35 @@
 
 use std::path::{Path, PathBuf};
 
-use host_tools::dsp::spectrum::DEFAULT_SMOOTHING_WIDTH_HZ;
-use host_tools::evaluation::evaluate::{self, Evaluation};
-use host_tools::evaluation::held_out::{Chosen, Judge, chosen};
-use host_tools::evaluation::leave_one_out::{self, LeaveOneOut, Prepared};
-use host_tools::evaluation::played::Played;
-use host_tools::evaluation::strokes::{Stroke, along_strokes};
-use host_tools::evaluation::summary::{LIVELINESS_EXPLANATION, explanation};
-use host_tools::evaluation::verdict;
-use host_tools::fit::Order;
-use host_tools::fit::conditioning::Conditioning;
-use host_tools::fit::record::FitRecord;
-use host_tools::recording::RecordingSet;
-use host_tools::recording::freehand::{self, Freehand};
-use host_tools::report::evaluation_page::{self, Inputs};
-use host_tools::report::sound::node_seconds;
-use host_tools::support::error::{Error, Result};
-use host_tools::support::number::counted;
-use host_tools::support::output::OutputFolder;
-use host_tools::support::warning::Warning;
-use host_tools::support::{atomic_file, progress};
 use model_format::{Library, Texture};
 use serde::Serialize;
+use stylus_dsp::spectrum::DEFAULT_SMOOTHING_WIDTH_HZ;
+use stylus_evaluation::evaluate::{self, Evaluation};
+use stylus_evaluation::held_out::{Chosen, Judge, chosen};
+use stylus_evaluation::leave_one_out::{self, LeaveOneOut, Prepared};
+use stylus_evaluation::played::Played;
+use stylus_evaluation::strokes::{Stroke, along_strokes};
+use stylus_evaluation::summary::{LIVELINESS_EXPLANATION, explanation};
+use stylus_evaluation::verdict;
+use stylus_fit::fit::Order;
+use stylus_fit::fit::conditioning::Conditioning;
+use stylus_fit::fit::record::FitRecord;
+use stylus_report::evaluation_page::{self, Inputs};
+use stylus_report::sound::node_seconds;
+use stylus_signals::recording::RecordingSet;
+use stylus_signals::recording::freehand::{self, Freehand};
+use stylus_support::number::counted;
+use stylus_support::output::OutputFolder;
+use stylus_support::warning::Warning;
+use stylus_support::{Error, Result};
+use stylus_support::{atomic_file, progress};
 
 use super::files::Overwrite;
 use super::input::{Recordings, not_negative, positive, warn_of_unknown_levels};
 use super::lines::{LINE_CHARS, folded_text, wrapped};
 use super::output::{is_full, print, to_json, warn, warn_of};
 use super::table::shown;
-use host_tools::texture::library::{decode_library, read_library};
+use stylus_fit::texture::library::{decode_library, read_library};
 
 #[derive(clap::Args)]
 pub struct Arguments {

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use host_tools::export::{Export, Format};
-use host_tools::support::error::Result;
+use stylus_signals::export::{Export, Format};
+use stylus_support::Result;
 
 use super::files::Overwrite;
 use super::input::{TextureAlong, positive};

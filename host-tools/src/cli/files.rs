@@ -7,15 +7,15 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use clap::{ArgMatches, Command};
-use host_tools::fit::inputs::{Input, files_behind};
-use host_tools::playing::pin::{PinSummary, RATE_HZ, render_pin_wav, render_tip_wav, settings};
-use host_tools::playing::render::{Rendering, WavFormat, write_wav};
-use host_tools::support::error::{Error, Result};
-use host_tools::support::number::counted;
-use host_tools::support::output;
-use host_tools::support::progress;
+use stylus_fit::fit::inputs::{Input, files_behind};
 use stylus_plant::Parameters;
 use stylus_plant::Plant;
+use stylus_signals::playing::pin::{PinSummary, RATE_HZ, render_pin_wav, render_tip_wav, settings};
+use stylus_signals::playing::render::{Rendering, WavFormat, write_wav};
+use stylus_support::number::counted;
+use stylus_support::output;
+use stylus_support::progress;
+use stylus_support::{Error, Result};
 
 use super::input::positive;
 use super::output::{print, warn};

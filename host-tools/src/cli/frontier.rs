@@ -2,15 +2,15 @@
 
 use std::path::PathBuf;
 
-use host_tools::dsp::spectrum::DEFAULT_SMOOTHING_WIDTH_HZ;
-use host_tools::evaluation::frontier::{self, Frontier, Material, Options, Prepared};
-use host_tools::fit::conditioning::Conditioning;
-use host_tools::recording::RecordingSet;
-use host_tools::report::frontier_page;
-use host_tools::support::error::{Error, Result};
-use host_tools::support::output::OutputFolder;
-use host_tools::support::temporaries::Temporary;
-use host_tools::support::{atomic_file, progress};
+use stylus_dsp::spectrum::DEFAULT_SMOOTHING_WIDTH_HZ;
+use stylus_evaluation::frontier::{self, Frontier, Material, Options, Prepared};
+use stylus_fit::fit::conditioning::Conditioning;
+use stylus_report::frontier_page;
+use stylus_signals::recording::RecordingSet;
+use stylus_support::output::OutputFolder;
+use stylus_support::temporaries::Temporary;
+use stylus_support::{Error, Result};
+use stylus_support::{atomic_file, progress};
 
 use super::files::Overwrite;
 use super::input::not_negative;

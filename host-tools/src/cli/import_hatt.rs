@@ -2,13 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use host_tools::fit::hatt::convert::{Converted, ROLL_OFF_DB_PER_OCTAVE, Summary, far_nodes};
-use host_tools::fit::hatt::import::{ImportReport, Options, files, import, plan, read_all};
-use host_tools::support::atomic_file;
-use host_tools::support::error::Result;
-use host_tools::support::number::counted;
-use host_tools::support::progress;
-use host_tools::support::warning::Warning;
+use stylus_fit::fit::hatt::convert::{Converted, ROLL_OFF_DB_PER_OCTAVE, Summary, far_nodes};
+use stylus_fit::fit::hatt::import::{ImportReport, Options, files, import, plan, read_all};
+use stylus_support::Result;
+use stylus_support::atomic_file;
+use stylus_support::number::counted;
+use stylus_support::progress;
+use stylus_support::warning::Warning;
 
 use super::files::Overwrite;
 use super::table::table;

@@ -2,14 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use host_tools::evaluation::evaluate::texture_named;
-use host_tools::playing::motion::MotionPath;
-use host_tools::recording::{Assumed, RecordingSet, texture_fault};
-use host_tools::support::error::{Error, Result};
-pub use host_tools::support::number::{force, not_negative, positive, speed};
-use host_tools::texture::grid::as_written;
-use host_tools::texture::library::{decode_library, read_library, unknown_levels};
 use model_format::{MillimetresPerSecond, Newton, Texture};
+use stylus_evaluation::evaluate::texture_named;
+use stylus_fit::texture::grid::as_written;
+use stylus_fit::texture::library::{decode_library, read_library, unknown_levels};
+use stylus_signals::playing::motion::MotionPath;
+use stylus_signals::recording::{Assumed, RecordingSet, texture_fault};
+pub use stylus_support::number::{force, not_negative, positive, speed};
+use stylus_support::{Error, Result};
 
 use crate::cli::output::{note, warn};
 

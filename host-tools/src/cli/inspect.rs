@@ -2,14 +2,14 @@
 
 use std::path::PathBuf;
 
-use host_tools::scene::SceneSummary;
-use host_tools::support::decimal::{fixed, significant};
-use host_tools::support::error::Result;
-use host_tools::support::number::counted;
-use host_tools::texture::library::{decode_library, read_library};
-use host_tools::texture::summary::{CodebookSummary, LineSummary, TextureSummary};
 use model_format::Wander;
 use serde::Serialize;
+use stylus_fit::scene::SceneSummary;
+use stylus_fit::texture::library::{decode_library, read_library};
+use stylus_fit::texture::summary::{CodebookSummary, LineSummary, TextureSummary};
+use stylus_support::Result;
+use stylus_support::decimal::{fixed, significant};
+use stylus_support::number::counted;
 
 use crate::cli::output::{print, print_json};
 use crate::cli::table::{headed, table};

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 #[cfg(unix)]
 use std::sync::mpsc;
 
-use host_tools::support::error::{Error, Result};
+use stylus_support::{Error, Result};
 
 /// True once a command listens. The first signal then only raises the flag.
 static IS_HEARD: AtomicBool = AtomicBool::new(false);
@@ -73,7 +73,7 @@ fn receive(end: impl FnOnce()) {
         return;
     }
     // Kept until the process ends, because it locks the list: no other thread creates a temporary meanwhile.
-    let _removed = host_tools::support::temporaries::remove_all();
+    let _removed = stylus_support::temporaries::remove_all();
     if !is_heard {
         end();
     }

@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
-use host_tools::scene::joined;
-use host_tools::support::atomic_file;
-use host_tools::support::error::Result;
-use host_tools::support::number::counted;
-use host_tools::texture::library::{decode_library, read_library};
+use stylus_fit::scene::joined;
+use stylus_fit::texture::library::{decode_library, read_library};
+use stylus_support::Result;
+use stylus_support::atomic_file;
+use stylus_support::number::counted;
 
 use super::files::Overwrite;
 use crate::cli::output::print;

@@ -36,8 +36,8 @@ use std::process::ExitCode;
 use clap::builder::FalseyValueParser;
 use clap::error::{ContextKind, ContextValue};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
-use host_tools::support::error::{Error, Result};
-use host_tools::support::{progress, temporaries};
+use stylus_support::{Error, Result};
+use stylus_support::{progress, temporaries};
 
 /// Exit code of a failure that the user can correct: a file, a value or a request that cannot be used.
 const EXIT_UNUSABLE: u8 = 2;

@@ -11,10 +11,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::builder::styling::{AnsiColor, Style};
 use console::Term;
-use host_tools::support::error::{Error, Result};
-use host_tools::support::progress;
-use host_tools::support::visible::{message, visible, visible_json};
-use host_tools::support::warning::{Warning, by_kind};
+use stylus_support::progress;
+use stylus_support::visible::{message, visible, visible_json};
+use stylus_support::warning::{Warning, by_kind};
+use stylus_support::{Error, Result};
 
 use super::lines::{LINE_CHARS, wrapped};
 

@@ -2,21 +2,21 @@
 
 use std::path::{Path, PathBuf};
 
-use host_tools::evaluation::evaluate;
-use host_tools::fit;
-use host_tools::fit::conditioning::Conditioning;
-use host_tools::fit::record::FitRecord;
-use host_tools::recording::{Assumed, Kind, RecordingSet};
-use host_tools::report::rub_page::{self, Clips, Inputs, Recordings, Written};
-use host_tools::support::error::{Error, Result};
-use host_tools::support::progress;
+use stylus_evaluation::evaluate;
+use stylus_fit::fit;
+use stylus_fit::fit::conditioning::Conditioning;
+use stylus_fit::fit::record::FitRecord;
+use stylus_report::rub_page::{self, Clips, Inputs, Recordings, Written};
+use stylus_signals::recording::{Assumed, Kind, RecordingSet};
+use stylus_support::progress;
+use stylus_support::{Error, Result};
 
 use super::files::{Overwrite, read_plant};
 use super::fit::Strokes;
 use super::input::{positive, tell_nominal_motion};
 use crate::cli::evaluate::{as_fitted, choose};
 use crate::cli::output::print;
-use host_tools::texture::library::{decode_library, read_library};
+use stylus_fit::texture::library::{decode_library, read_library};
 use stylus_plant::Plant;
 
 #[derive(clap::Args)]

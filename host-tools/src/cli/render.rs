@@ -1,7 +1,7 @@
 //! `stylus render`
 
-use host_tools::playing::render::Rendering;
-use host_tools::support::error::Result;
+use stylus_signals::playing::render::Rendering;
+use stylus_support::Result;
 
 use super::files::RenderedFile;
 use super::input::TextureAlong;

@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use host_tools::rig::{self, RigFile};
-use host_tools::support::bounded_file::Format;
-use host_tools::support::error::Result;
+use stylus_signals::rig::{self, RigFile};
+use stylus_support::Result;
+use stylus_support::bounded_file::Format;
 
 use crate::cli::files::Overwrite;
 use crate::cli::output::print;

@@ -1,9 +1,9 @@
 //! `stylus stress`
 
-use host_tools::evaluation::stress::{self, Outcome, Rest, cases};
-use host_tools::support::error::{Error, Result};
-use host_tools::support::number::counted;
-use host_tools::support::progress;
+use stylus_evaluation::stress::{self, Outcome, Rest, cases};
+use stylus_support::number::counted;
+use stylus_support::progress;
+use stylus_support::{Error, Result};
 
 use super::lines::folded_text;
 use super::table::{headed, table};

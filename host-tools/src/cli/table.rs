@@ -2,8 +2,8 @@
 //! it drops columns that have a single value, and states that value below. Then it wraps the cells. Finally it drops
 //! its last columns, and names them below. No table is divided into several.
 
-use host_tools::evaluation::table::Table;
-use host_tools::support::visible::visible_line;
+use stylus_evaluation::table::Table;
+use stylus_support::visible::visible_line;
 
 use super::lines::{LINE_CHARS, folded_text, wrapped};
 use super::output::is_full;

@@ -3,15 +3,15 @@
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-use host_tools::recording::TRIALS_FILE;
-use host_tools::recording::freehand::is_simulated;
-use host_tools::recording::pattern::{Named, Pattern};
-use host_tools::recording::{scale, texture_fault};
-use host_tools::support::atomic_file;
-use host_tools::support::csv_table::written;
-use host_tools::support::error::{Error, Result};
-use host_tools::support::number::counted;
-use host_tools::support::number::{positive, recorded_force, recorded_speed};
+use stylus_signals::recording::TRIALS_FILE;
+use stylus_signals::recording::freehand::is_simulated;
+use stylus_signals::recording::pattern::{Named, Pattern};
+use stylus_signals::recording::{scale, texture_fault};
+use stylus_support::atomic_file;
+use stylus_support::csv_table::written;
+use stylus_support::number::counted;
+use stylus_support::number::{positive, recorded_force, recorded_speed};
+use stylus_support::{Error, Result};
 
 use super::files::Overwrite;
 use super::input::texture_name;

@@ -9,9 +9,9 @@ use std::io::{self, BufWriter, Cursor, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-use crate::error::{Error, Result};
 use crate::files::{self, Written, other_than_a_file};
 use crate::temporaries::{Earlier, Temporary, folder_of};
+use crate::{Error, Result};
 
 /// How to replace an existing output, for the command line and for Python.
 pub(crate) const REMEDY: &str = "name another, or replace it with --overwrite (overwrite=True in Python)";

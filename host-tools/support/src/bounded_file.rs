@@ -5,9 +5,9 @@ use std::ffi::OsStr;
 use std::io::{self, Read};
 use std::path::Path;
 
-use super::error::{Error, Result};
 use super::files::{self, Opened};
 use super::nearest::nearly;
+use crate::{Error, Result};
 
 /// Largest number of names in a folder that are compared with the name of a missing file.
 const MOST_NAMES: usize = 10_000;

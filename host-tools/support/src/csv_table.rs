@@ -17,8 +17,8 @@ use std::path::{Path, PathBuf};
 use csv_core::ReadRecordResult;
 
 use super::bounded_file::Format;
-use super::error::{Error, Result};
 use super::files;
+use crate::{Error, Result};
 
 mod first_lines;
 

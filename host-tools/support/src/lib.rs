@@ -11,7 +11,7 @@ pub mod bounded_file;
 pub mod csv_table;
 pub mod date;
 pub mod decimal;
-pub mod error;
+mod error;
 pub mod file_name;
 pub mod files;
 pub mod float_wav;
@@ -27,3 +27,5 @@ pub mod temporaries;
 pub mod toml_field;
 pub mod visible;
 pub mod warning;
+
+pub use error::{Error, Result};

@@ -6,8 +6,8 @@ use model_format::limits::MAX_NAME_BYTES;
 use serde::de::DeserializeOwned;
 use toml::de::DeTable;
 
-use crate::error::{Error, Result};
 use crate::file_name;
+use crate::{Error, Result};
 
 /// Parses TOML `text`; errors name `path`.
 ///

@@ -152,6 +152,14 @@ impl Bench {
         }
     }
 
+    /// Runs `stylus`, which must end with code 2, and returns its standard error with one line per message.
+    pub fn fail(&self, arguments: &str) -> String {
+        let output = self.run(arguments);
+        let told = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "stylus {arguments}\n{told}");
+        told.replace("\n  ", " ")
+    }
+
     /// Runs `stylus`, which must end with code 2 and one line on standard error, and returns that line.
     pub fn refuse(&self, arguments: &str) -> String {
         refusal(&self.run(arguments), arguments)
@@ -265,6 +273,12 @@ pub const PLAY: [&str; 7] = ["play", "--texture", "texture 0", "--speed", "50", 
 /// Parses a report that was printed as JSON.
 pub fn json(text: &str) -> Value {
     serde_json::from_str(text).unwrap_or_else(|failure| panic!("{failure}: {text}"))
+}
+
+/// Returns the report that a command, which must have succeeded, printed as JSON.
+pub fn reported(output: &Output) -> Value {
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    json(&text(&output.stdout))
 }
 
 /// Output as text.

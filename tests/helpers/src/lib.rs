@@ -10,6 +10,18 @@ pub fn noise(seed: u64, samples: usize) -> Vec<f64> {
     StandardNormal.sample_iter(generator).take(samples).collect()
 }
 
+/// Passes `excitation` through a pair of poles at this angle, rad per sample, and radius:
+/// y(n) = x(n) + 2 r cos(angle) y(n-1) - r² y(n-2).
+pub fn resonant(excitation: impl IntoIterator<Item = f64>, angle: f64, radius: f64) -> Vec<f64> {
+    let mut past = (0.0, 0.0);
+    let step = |x: f64| {
+        let y = x + 2.0 * radius * angle.cos() * past.0 - radius * radius * past.1;
+        past = (y, past.0);
+        y
+    };
+    excitation.into_iter().map(step).collect()
+}
+
 /// Largest prime factor of a number above 1.
 pub fn largest_factor(number: usize) -> usize {
     let least = (2..=number.isqrt()).find(|&factor| number.is_multiple_of(factor));

@@ -50,18 +50,7 @@ fn near(found: Option<f64>, expected: f64, tolerance: f64) {
 /// Noise, a resonance, modulated noise, and noise with an impulse of 26 dB every 25 ms; 4 s each.
 fn synthetic() -> [Vec<f64>; 4] {
     let len = 20_000;
-    let resonance = {
-        let (radius, angle) = (0.97f64, TAU * 90.0 / RATE_HZ);
-        let mut past = (0.0, 0.0);
-        portable_noise(2, len)
-            .into_iter()
-            .map(|e| {
-                let y = e + 2.0 * radius * angle.cos() * past.0 - radius * radius * past.1;
-                past = (y, past.0);
-                y
-            })
-            .collect()
-    };
+    let resonance = test_helpers::resonant(portable_noise(2, len), TAU * 90.0 / RATE_HZ, 0.97);
     let carrier = portable_noise(3, len);
     let modulated = made(len, |n| {
         carrier[n] * (0.5 * turn(3.0, n).sin() + 0.4 * turn(20.0, n).sin()).exp()
@@ -127,16 +116,7 @@ fn the_line_is_the_strongest_and_its_range_that_of_its_amplitude() {
     near(of(168.0), 20.0 * 2f64.log10(), 0.02);
     assert!(of(412.0).unwrap() < 0.2);
     // A tone that is made from filtered noise fluctuates.
-    let (radius, angle) = (0.9998f64, TAU * 171.0 / RATE_HZ);
-    let mut past = (0.0, 0.0);
-    let tone: Vec<f64> = ground
-        .iter()
-        .map(|e| {
-            let y = e + 2.0 * radius * angle.cos() * past.0 - radius * radius * past.1;
-            past = (y, past.0);
-            y
-        })
-        .collect();
+    let tone = test_helpers::resonant(ground, TAU * 171.0 / RATE_HZ, 0.9998);
     let found = Liveliness::of(&[&tone], RATE_HZ, strongest_line_hz(&[&tone], RATE_HZ));
     assert!(found.line_range_db.unwrap() > 3.0, "{found:?}");
 }

@@ -2,13 +2,13 @@
 //! it fails.
 
 use serde::Serialize;
+use stylus_support::Result;
 
 use stylus_costs::Structure;
 use stylus_hard_cases::Case;
 
 use super::players::filter_of;
 use crate::stress::{self, Outcome};
-use crate::support::error::Result;
 
 /// Outcome of a case, from good to bad.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]

@@ -21,8 +21,8 @@ mod run;
 mod still;
 mod structure;
 
-use crate::dsp::spectrum;
-use crate::fit::conditioning::Conditioning;
+use stylus_dsp::spectrum;
+use stylus_fit::fit::conditioning::Conditioning;
 
 pub use prepared::{Material, Prepared};
 pub use results::{CHOICES_NOTE, Filter, Frontier, Point, clock_headings, interval_ms, share};

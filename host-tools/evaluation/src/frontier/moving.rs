@@ -11,14 +11,14 @@ use std::f64::consts::TAU;
 
 use model_format::{FINE_THETA_STEP_RAD, MillimetresPerSecond, Newton, Texture};
 use serde::Serialize;
+use stylus_dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT, band_powers};
+use stylus_fit::texture::quantise::rms_m_s2;
 use stylus_kernel::Motion;
 use stylus_kernel::excitation::{self, Excitation};
 use stylus_kernel::grid::{GridPoint, ONE};
 
 use super::players::NotHeld;
 use super::structure::Voice;
-use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT, band_powers};
-use crate::texture::quantise::rms_m_s2;
 use model_format::SAMPLE_RATE_HZ;
 use stylus_costs::Structure;
 use stylus_hard_cases::FloatLattice;

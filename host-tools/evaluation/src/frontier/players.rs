@@ -2,6 +2,8 @@
 
 use model_format::limits::MAX_ORDER;
 use model_format::{OutputSample, Texture};
+use stylus_dsp::linear_prediction::{step_down, step_up};
+use stylus_fit::texture::quantise::reflection;
 use stylus_kernel::Motion;
 use stylus_kernel::direct_form::{CODE_SUM_LIMIT, COEFFICIENT_FRACTION_BITS, DirectFrame, DirectState, MAX_EXPONENT};
 use stylus_kernel::excitation::Excitation;
@@ -10,9 +12,7 @@ use stylus_kernel::grid::GridPoint;
 use stylus_costs::Structure;
 use stylus_hard_cases::{Filter, any_at_end, energy, full_scale};
 
-use crate::dsp::linear_prediction::{step_down, step_up};
 use crate::stress::lattice;
-use crate::texture::quantise::reflection;
 
 /// A texture that a direct form cannot hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

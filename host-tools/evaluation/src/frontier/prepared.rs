@@ -4,20 +4,21 @@ use std::path::Path;
 
 use model_format::{PartsSpec, SAMPLE_RATE_HZ};
 use rayon::prelude::*;
+use stylus_dsp::spectrum;
+use stylus_dsp::sums::mean_square;
+use stylus_fit::fit::blocks::Part;
+use stylus_fit::fit::lines::Lines;
+use stylus_fit::fit::{FittedTexture, Order};
+use stylus_fit::texture::grid::Grid;
 use stylus_hard_cases::Case;
+use stylus_signals::recording::{RecordingSet, Trial};
+use stylus_signals::rig::RigFile;
+use stylus_support::{Error, Result};
 
 use super::Options;
-use crate::dsp::spectrum;
-use crate::dsp::sums::mean_square;
-use crate::fit::blocks::Part;
-use crate::fit::lines::Lines;
-use crate::fit::{FittedTexture, Order};
 use crate::held_out::is_same;
-use crate::recording::{RecordingSet, Trial};
-use crate::rig::RigFile;
-use crate::support::error::{Error, Result};
-use crate::texture::grid::Grid;
-use crate::{fit, recording, rig};
+use stylus_fit::fit;
+use stylus_signals::{recording, rig};
 
 /// Largest number of nodes that are judged at rest. If there are more recordings, evenly spaced ones are used.
 const MAX_NODES: usize = 96;

@@ -3,13 +3,13 @@
 use model_format::SAMPLE_RATE_HZ;
 use serde::Serialize;
 use stylus_costs::{Peer, Structure};
+use stylus_dsp::spectrum::AMPLITUDE_JND_DB;
+use stylus_fit::fit::Order;
 
 use super::costs::Cost;
 use super::hard::HardCases;
 use super::still::Still;
 use super::{CLOCKS_HZ, DEVICE_CLOCK_HZ};
-use crate::dsp::spectrum::AMPLITUDE_JND_DB;
-use crate::fit::Order;
 use crate::table::{Table, percent};
 
 /// A structure at an order, with its costs and errors.

@@ -2,10 +2,9 @@
 
 use model_format::PartsSpec;
 use rayon::prelude::*;
-
-use crate::support::error::{Error, Result};
-use crate::texture::grid::Grid;
-use crate::texture::library::{decoded, library_of};
+use stylus_fit::texture::grid::Grid;
+use stylus_fit::texture::library::{decoded, library_of};
+use stylus_support::{Error, Result};
 
 use super::costs::{Core, Cost, Costs};
 use super::hard::{self, HardCases, Verdict};

@@ -3,17 +3,17 @@
 
 use model_format::{MillimetresPerSecond, Newton, Texture};
 use serde::Serialize;
+use stylus_dsp::spectrum::{self, AMPLITUDE_JND_DB};
+use stylus_dsp::sums::mean_square;
+use stylus_fit::texture::library::decoded;
+use stylus_fit::texture::quantise::reflection;
 use stylus_kernel::excitation::{self, Excitation};
 use stylus_kernel::{Motion, UPDATE_INTERVAL_SAMPLES};
+use stylus_support::{Error, Result};
 
 use super::structure::Voice;
-use crate::dsp::spectrum::{self, AMPLITUDE_JND_DB};
-use crate::dsp::sums::mean_square;
 use crate::evaluate::WARM_UP_S;
 use crate::summary;
-use crate::support::error::{Error, Result};
-use crate::texture::library::decoded;
-use crate::texture::quantise::reflection;
 use model_format::SAMPLE_RATE_HZ;
 use stylus_costs::Structure;
 use stylus_hard_cases::{Deviation, FloatLattice};

@@ -4,13 +4,13 @@ use std::mem::size_of;
 
 use model_format::{OutputSample, Texture, limits};
 use stylus_costs::Structure;
+use stylus_fit::texture::theta::{StoredTheta, bytes_per_node};
 use stylus_hard_cases::Filter;
 use stylus_kernel::Motion;
 use stylus_kernel::excitation::Excitation;
 use stylus_kernel::rotation::Rotation;
 
 use super::players::{NotHeld, filter_of};
-use crate::texture::theta::{StoredTheta, bytes_per_node};
 
 /// Returns the bytes of flash for a node's coefficients. A lattice takes the smallest form of θ that `fit` stores, and
 /// a direct form takes its own words.

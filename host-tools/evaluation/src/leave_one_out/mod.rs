@@ -15,9 +15,9 @@ mod prepared;
 mod results;
 mod run;
 
-use crate::dsp::spectrum;
-use crate::fit::Order;
-use crate::fit::conditioning::Conditioning;
+use stylus_dsp::spectrum;
+use stylus_fit::fit::Order;
+use stylus_fit::fit::conditioning::Conditioning;
 
 pub use play::Judged;
 pub use prepared::Prepared;

@@ -1,19 +1,19 @@
 //! A model played by the device's kernel, and compared with a recording.
 
-use model_format::{MillimetresPerSecond, Newton, limits};
+use model_format::{MillimetresPerSecond, Newton};
 use serde::Serialize;
+use stylus_dsp::model::Model;
+use stylus_dsp::spectrum::{self, BAND_COUNT};
+use stylus_fit::texture::grid::Grid;
+use stylus_fit::texture::library::{decoded, library_of};
+use stylus_signals::playing::motion::MotionPath;
+use stylus_signals::playing::render::render;
+use stylus_support::Result;
 
 use super::Options;
-use crate::support::error::Result;
 
-use crate::dsp::model::Model;
-use crate::dsp::spectrum::{self, BAND_COUNT};
 use crate::evaluate::WARM_UP_S;
 use crate::perception::ScoringRange;
-use crate::playing::motion::MotionPath;
-use crate::playing::render::render;
-use crate::texture::grid::Grid;
-use crate::texture::library::{decoded, library_of};
 use model_format::SAMPLE_RATE_HZ;
 
 /// Speed and force of the only node of a library for a test. Any values in contact and in motion serve.
@@ -38,29 +38,6 @@ impl Judged {
             band_errors_db: [None; BAND_COUNT],
             log_spectral_distance_db: None,
         }
-    }
-}
-
-/// A model and its synthesis by the device's kernel.
-#[derive(Clone, Debug)]
-pub struct Voice {
-    /// The model.
-    pub model: Model,
-    synthesised: Vec<f64>,
-}
-
-impl Voice {
-    /// Plays `model` with the device's kernel. Returns `None` if it is too loud.
-    pub fn of(model: Model, options: &Options, seed: u64) -> Result<Option<Self>> {
-        let synthesised = synthesis(&model, options.synthesis_s, seed)?;
-        Ok(synthesised.map(|synthesised| Self { model, synthesised }))
-    }
-
-    /// The synthesis at another power, (m/s²)²; `None` if that is too loud for the device.
-    pub fn at_power(&self, power: f64) -> Option<Vec<f64>> {
-        let gain = (power / self.model.output_power).sqrt();
-        let playable = gain.is_finite() && power <= f64::from(limits::MAX_OUTPUT_POWER);
-        playable.then(|| self.synthesised.iter().map(|x| gain * x).collect())
     }
 }
 

@@ -1,16 +1,15 @@
 //! A set that is prepared for the removed-node test: its models and its signals.
 
 use model_format::SAMPLE_RATE_HZ;
+use stylus_dsp::model::Model;
+use stylus_fit::fit::blocks::Part;
+use stylus_fit::fit::lines::Lines;
+use stylus_fit::fit::{self, FittedTexture, Recorded};
+use stylus_fit::texture::grid::{Grid, is_recorded};
+use stylus_signals::recording::{RecordingSet, Trial};
+use stylus_support::{Error, Result};
 
-use crate::dsp::model::Model;
-use crate::fit::blocks::Part;
-use crate::fit::lines::Lines;
-use crate::fit::{self, FittedTexture, Recorded};
 use crate::perception::ScoringRange;
-use crate::recording::{RecordingSet, Trial};
-use crate::support::error::{Error, Result};
-use crate::texture::domain::Neighbour;
-use crate::texture::grid::{Grid, is_recorded};
 
 use super::Options;
 
@@ -105,7 +104,7 @@ impl<'a> Prepared<'a> {
                 let place = self.textures[texture].place(trial)?;
                 // A recording on which nothing can be judged is not used.
                 self.ranges[index].as_ref()?;
-                let neighbours = self.neighbours(texture, place);
+                let neighbours = self.textures[texture].neighbours(place);
                 (!neighbours.is_empty()).then_some(Target {
                     trial: index,
                     texture,
@@ -113,13 +112,6 @@ impl<'a> Prepared<'a> {
                 })
             })
             .collect()
-    }
-}
-
-impl Prepared<'_> {
-    /// Returns the neighbours from which the node of `texture` at `place` is predicted, with their weights.
-    pub(super) fn neighbours(&self, texture: usize, place: (usize, usize)) -> Vec<Neighbour<'_>> {
-        self.textures[texture].neighbours(place)
     }
 }
 
@@ -151,28 +143,26 @@ impl PreparedTexture {
         is_recorded(self.model(place).flags)
     }
 
-    /// Returns the neighbours from which the node at `place` is predicted.
-    fn neighbours(&self, (speed, force): (usize, usize)) -> Vec<Neighbour<'_>> {
+    /// Returns the neighbours from which the node at `place` is predicted, with their weights.
+    pub(super) fn neighbours(&self, (speed, force): (usize, usize)) -> Vec<(f64, &Model)> {
         let along_speed = self.pair(speed, &self.grid.speeds_mm_s, |at| (at, force));
         let along_force = self.pair(force, &self.grid.forces_n, |at| (speed, at));
-        let pairs: Vec<[Neighbour<'_>; 2]> = along_speed.into_iter().chain(along_force).collect();
+        let pairs: Vec<[(f64, &Model); 2]> = along_speed.into_iter().chain(along_force).collect();
         let share = 1.0 / pairs.len().max(1) as f64;
-        let mut neighbours: Vec<Neighbour<'_>> = pairs.into_iter().flatten().collect();
-        neighbours.iter_mut().for_each(|n| n.weight *= share);
-        neighbours
+        let neighbours = pairs.into_iter().flatten();
+        neighbours.map(|(weight, model)| (share * weight, model)).collect()
     }
 
     /// Returns the nodes before and after `at` on an axis, if neither is silent.
-    fn pair(&self, at: usize, axis: &[f32], place: impl Fn(usize) -> (usize, usize)) -> Option<[Neighbour<'_>; 2]> {
+    fn pair(&self, at: usize, axis: &[f32], place: impl Fn(usize) -> (usize, usize)) -> Option<[(f64, &Model); 2]> {
         let (before, after) = (at.checked_sub(1)?, at + 1);
         if after >= axis.len() || !self.sounds(place(before)) || !self.sounds(place(after)) {
             return None;
         }
         let share = f64::from((axis[at] - axis[before]) / (axis[after] - axis[before]));
-        let neighbour = |index: usize, weight: f64| Neighbour {
-            weight,
-            model: self.model(place(index)),
-        };
-        Some([neighbour(before, 1.0 - share), neighbour(after, share)])
+        Some([
+            (1.0 - share, self.model(place(before))),
+            (share, self.model(place(after))),
+        ])
     }
 }

@@ -1,46 +1,82 @@
 //! Results of the removed-node test: a row per prediction method, and an outcome per removed node and row. Their
 //! summary is the paper's Table I.
 
+use model_format::LevelLaw;
 use serde::Serialize;
-
-use crate::texture::domain::Method;
+use stylus_dsp::linear_prediction::{error_share, step_down, step_up};
+use stylus_dsp::model::Model;
+use stylus_dsp::spectrum::AMPLITUDE_JND_DB;
 
 use super::play::Judged;
-use crate::dsp::spectrum::AMPLITUDE_JND_DB;
 use crate::summary;
 use crate::table::Table;
 
 /// A row of the table: how the removed node was predicted.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Row {
+    /// By the mean of the neighbours' predictor coefficients h and of their excitations' variances σ².
+    Paper,
+    /// As the device interpolates with this law of the level. Grids that `fit` makes have the logarithm.
+    Device(LevelLaw),
     /// Not predicted: the node's own model, which is the best that the structure and the order can reach.
     Own,
-    /// Interpolated between the neighbours by this method.
-    Interpolated(Method),
 }
 
 impl Row {
     /// The rows of the removed-node test, in the table's order.
     pub fn all() -> Vec<Self> {
-        Method::ALL
-            .map(Self::Interpolated)
-            .into_iter()
-            .chain([Self::Own])
-            .collect()
+        [&[Self::Paper][..], &LevelLaw::ALL.map(Self::Device), &[Self::Own]].concat()
     }
 
     /// Returns a name for tables.
-    pub fn name(&self) -> String {
+    pub fn name(self) -> &'static str {
         match self {
-            Self::Own => "(not removed: its own model; in-sample)".into(),
-            Self::Interpolated(method) => method.name(),
+            Self::Paper => "h, σ² (the paper)",
+            Self::Device(LevelLaw::Power) => "θ = arcsin k, power",
+            Self::Device(LevelLaw::Amplitude) => "θ = arcsin k, amplitude",
+            Self::Device(LevelLaw::Logarithm) => "θ = arcsin k, log power (the device)",
+            Self::Own => "(not removed: its own model; in-sample)",
+        }
+    }
+
+    /// Returns the model that is played in place of `own`, which is between `neighbours`. Their weights add up to one,
+    /// and none is silent. `None` if the mean is not stable.
+    pub fn model(self, own: &Model, neighbours: &[(f64, &Model)]) -> Option<Model> {
+        match self {
+            Self::Paper => mean_of_predictors(neighbours),
+            Self::Device(law) => Some(Model::mean(neighbours, law)),
+            Self::Own => Some(own.clone()),
         }
     }
 }
 
+/// Returns the variance of the excitation of `model`, (m/s²)²: the share Π(1 - k²) of the output's power.
+pub(super) fn excitation(model: &Model) -> f64 {
+    model.output_power * error_share(&model.reflection)
+}
+
+/// Returns the paper's mean of `neighbours`. `None` if it is not stable, and so has no reflection coefficients.
+fn mean_of_predictors(neighbours: &[(f64, &Model)]) -> Option<Model> {
+    let orders = neighbours.iter().map(|(_, model)| model.reflection.len());
+    // Shorter predictors are padded with zeros.
+    let mut predictor = vec![0.0; orders.max().unwrap_or(0)];
+    for (weight, model) in neighbours {
+        for (sum, h) in predictor.iter_mut().zip(step_up(&model.reflection)) {
+            *sum += weight * h;
+        }
+    }
+    let reflection = step_down(&predictor)?;
+    let variance: f64 = neighbours
+        .iter()
+        .map(|(weight, model)| weight * excitation(model))
+        .sum();
+    let output_power = variance / error_share(&reflection);
+    Some(Model::new(reflection, output_power))
+}
+
 impl Serialize for Row {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_str(&self.name())
+        serializer.serialize_str(self.name())
     }
 }
 
@@ -117,12 +153,12 @@ impl LeaveOneOut {
             rows.push(row);
         }
         for row in &self.rows {
-            let Some(all) = summarise(self, row, None) else {
+            let Some(all) = summarise(self, *row, None) else {
                 continue;
             };
-            let own = textures.iter().filter_map(|name| summarise(self, row, Some(name)));
+            let own = textures.iter().filter_map(|name| summarise(self, *row, Some(name)));
             let of_textures = own.chain([all.clone()]);
-            let mut cells = vec![row.name()];
+            let mut cells = vec![row.name().to_owned()];
             cells.extend(of_textures.map(|own| cell(own.mean_cost, own.cost_deviation)));
             cells.extend([
                 format!("{:.1e}", all.excitation_error),
@@ -215,8 +251,8 @@ pub struct Summary {
 }
 
 /// Summarises `row` over the nodes of `texture`, or over all nodes. Returns `None` if the test does not have this row.
-pub fn summarise(test: &LeaveOneOut, row: &Row, texture: Option<&str>) -> Option<Summary> {
-    let column = test.rows.iter().position(|r| r == row)?;
+pub fn summarise(test: &LeaveOneOut, row: Row, texture: Option<&str>) -> Option<Summary> {
+    let column = test.rows.iter().position(|own| *own == row)?;
     let nodes: Vec<&Removed> = test
         .removed
         .iter()
@@ -255,7 +291,37 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
     use test_helpers::near;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+
+        #[test]
+        fn between_equal_neighbours_every_row_gives_them_back(
+            reflection in prop::collection::vec(-0.4f64..0.4, 1..10), power in 0.01f64..10.0,
+        ) {
+            let same = Model::new(reflection, power);
+            for row in Row::all() {
+                let mean = row.model(&same, &[(0.25, &same), (0.75, &same)]).unwrap();
+                prop_assert!((mean.output_power / power - 1.0).abs() < 1e-9, "{}", row.name());
+                for (a, b) in mean.reflection.iter().zip(&same.reflection) {
+                    prop_assert!((a - b).abs() < 1e-9, "{}", row.name());
+                }
+            }
+        }
+    }
+
+    /// (1 - 0.9 z⁻¹)³ and (1 + 0.9 z⁻¹)³ average to 1 + 2.43 z⁻², whose poles have a radius of 1.5588.
+    #[test]
+    fn the_mean_of_stable_predictors_that_is_not_stable_is_told() {
+        let ends = [[-2.7, 2.43, -0.729], [2.7, 2.43, 0.729]];
+        let [a, b] = ends.map(|a| Model::new(step_down(&a).unwrap(), 1.0));
+        let neighbours = [(0.5, &a), (0.5, &b)];
+        assert!(Row::Paper.model(&a, &neighbours).is_none());
+        let device = Row::Device(LevelLaw::Logarithm).model(&a, &neighbours).unwrap();
+        assert!(device.reflection.iter().all(|k| k.abs() < 1.0));
+    }
 
     fn test_of(textures: &[&str], simulated: bool) -> LeaveOneOut {
         let removed = |texture: &&str| Removed {
@@ -288,14 +354,13 @@ mod tests {
             }
         };
         let mut test = test_of(&["felt", "felt"], true);
-        test.rows = vec![Row::Own, Row::Interpolated(Method::DEVICE)];
+        test.rows = vec![Row::Own, Row::Paper];
         for node in &mut test.removed {
             node.bands = 8;
             node.outcomes = vec![outcome(true, 8), outcome(true, 8)];
         }
         test.removed[1].outcomes[1] = outcome(false, 0);
-        let within = [&Row::Own, &Row::Interpolated(Method::DEVICE)]
-            .map(|row| summarise(&test, row, None).unwrap().bands_within_jnd);
+        let within = [Row::Own, Row::Paper].map(|row| summarise(&test, row, None).unwrap().bands_within_jnd);
         assert_eq!(within, [1.0, 0.5]);
     }
 

@@ -157,14 +157,6 @@ mod tests {
                 prop_assert!(is_even(&own, surfaces, |t| t.surface.clone()));
             }
         }
-
-        #[test]
-        fn a_seed_decides_all(seed: u64) {
-            let planned = || planned(seed, &Pair::USUAL, 12, 3);
-            let ((one, sounds), (other, again)) = (planned(), planned());
-            prop_assert_eq!(one, other);
-            prop_assert_eq!(sounds.all(), again.all());
-        }
     }
 
     /// Neither the number of a trial nor the trial before it tells the answer, and no answer belongs to a surface.

@@ -4,11 +4,10 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
-
-use crate::dsp::binomial::clopper_pearson;
-use crate::support::bounded_file::Format;
-use crate::support::csv_table::{CsvTable, Header, Row};
-use crate::support::error::{Error, Result};
+use stylus_dsp::binomial::clopper_pearson;
+use stylus_support::bounded_file::Format;
+use stylus_support::csv_table::{CsvTable, Header, Row};
+use stylus_support::{Error, Result};
 
 /// Proportion of right answers by chance.
 pub const CHANCE: f64 = 0.5;

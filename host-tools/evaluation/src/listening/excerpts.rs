@@ -198,7 +198,7 @@ mod tests {
             assert_eq!(found.len(), 2);
             for Excerpt { samples: excerpt, .. } in found {
                 let middle = &excerpt[100..4900];
-                let rms = crate::dsp::sums::rms(middle);
+                let rms = stylus_dsp::sums::rms(middle);
                 near(rms, 1.0, 0.01);
                 assert!(excerpt[0].abs() < 1e-3 && excerpt[4999].abs() < 1e-3);
             }

@@ -8,7 +8,7 @@
 //! no hint, unless the level itself is tested. Recordings are excerpts of what was held out from the fit.
 //!
 //! A listener who hears no difference answers right in half of the trials. The exact interval of the proportion
-//! ([`clopper_pearson`](crate::dsp::binomial::clopper_pearson)) shows whether the listener heard a difference.
+//! ([`clopper_pearson`](stylus_dsp::binomial::clopper_pearson)) shows whether the listener heard a difference.
 
 mod abx;
 mod answers;

@@ -5,6 +5,10 @@ use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_pcg::Pcg64;
 use serde::Serialize;
+use stylus_fit::fit::record::FitRecord;
+use stylus_signals::recording::RecordingSet;
+use stylus_support::nearest::listed;
+use stylus_support::{Error, Result};
 
 use super::abx::{Trial, trials};
 use super::excerpts::{Excerpt, SHORTEST_EXCERPT_S, Sounds, TrialExcerpts, WINDOWS, able, excerpts, samples};
@@ -12,13 +16,9 @@ use super::kinds::Pair;
 use super::similarity::{Ratings, ratings};
 use super::staircase::{Part, Staircases, Strands, Track, track};
 use crate::evaluate::{self, Evaluation};
-use crate::fit::record::FitRecord;
 use crate::held_out::{Judge, JudgeKind, is_same};
 use crate::liveliness::slices;
 use crate::played::Played;
-use crate::recording::RecordingSet;
-use crate::support::error::{Error, Result};
-use crate::support::nearest::listed;
 
 /// Question to a listener.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]

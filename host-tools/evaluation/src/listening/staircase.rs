@@ -9,9 +9,9 @@ use rand::RngExt;
 use rand::seq::SliceRandom;
 use rand_pcg::Pcg64;
 use serde::Serialize;
+use stylus_dsp::sums::mean_square;
 
 use super::excerpts::{SHORTEST_EXCERPT_S, Sounds, WINDOWS, excerpts};
-use crate::dsp::sums::mean_square;
 
 /// A part of a texture whose strength is varied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, clap::ValueEnum)]

@@ -1,15 +1,14 @@
 //! Hard models as a library stores them.
 
 use model_format::Texture;
+use stylus_dsp::fourier::{self, Complex};
+use stylus_dsp::linear_prediction::{error_share, step_up};
+use stylus_dsp::model::Model;
+use stylus_fit::texture::grid::Grid;
+use stylus_fit::texture::library::library_of;
+use stylus_fit::texture::quantise::reflection;
 use stylus_hard_cases::{FORCES_N, NamedModel, SPEEDS_MM_S};
-
-use crate::dsp::fourier::{self, Complex};
-use crate::dsp::linear_prediction::{error_share, step_up};
-use crate::dsp::model::Model;
-use crate::support::error::Result;
-use crate::texture::grid::Grid;
-use crate::texture::library::library_of;
-use crate::texture::quantise::reflection;
+use stylus_support::Result;
 
 /// A library of one texture: of one node, or of four, speed-major, with their output powers, (m/s²)².
 ///

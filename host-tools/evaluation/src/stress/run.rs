@@ -2,14 +2,13 @@
 
 use model_format::Texture;
 use rayon::prelude::*;
+use stylus_fit::texture::library::decoded;
+use stylus_fit::texture::quantise::rms_m_s2;
 use stylus_hard_cases::{Case, Deviation, Drive, Filter, FloatLattice, Lattice, Player};
 use stylus_kernel::excitation::{self, Excitation};
 use stylus_kernel::grid::GridPoint;
-
-use crate::playing::wavefront::Wavefront;
-use crate::support::error::Result;
-use crate::texture::library::decoded;
-use crate::texture::quantise::rms_m_s2;
+use stylus_signals::playing::wavefront::Wavefront;
+use stylus_support::Result;
 
 use super::mean::Mean;
 use super::models;

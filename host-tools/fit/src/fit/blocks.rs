@@ -86,9 +86,9 @@ impl Part {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dsp::autocorrelation::PaddedSpectrum;
     use crate::fit::estimate::{KnownBand, estimate, estimate_of};
     use proptest::prelude::*;
+    use stylus_dsp::autocorrelation::PaddedSpectrum;
 
     /// Estimates the autocorrelation of a signal from lag 0 to `max_lag`, (m/s²)², as the mean over its blocks,
     /// weighted by their lengths.

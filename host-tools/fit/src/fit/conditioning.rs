@@ -4,10 +4,10 @@ use std::fmt;
 use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
+use stylus_dsp::reduction::Reduction;
 
 #[cfg(doc)]
-use crate::dsp::high_pass::SLOW_HZ;
-use crate::dsp::reduction::Reduction;
+use stylus_dsp::high_pass::SLOW_HZ;
 
 /// Least fraction of a recording's power below [`SLOW_HZ`] for which the recording is filtered. A smaller one turns the
 /// principal axis by at most 1.4° and raises the level by 0.2 dB.

@@ -9,13 +9,12 @@ use std::sync::LazyLock;
 
 use model_format::SAMPLE_RATE_HZ;
 use serde::{Deserialize, Serialize};
-
-use crate::dsp::autocorrelation::PaddedSpectrum;
-use crate::dsp::high_pass::lowest_hz;
-use crate::dsp::log_spectrum::{BINS, FINE_BINS, density_of_model};
-use crate::dsp::model::Model;
-use crate::dsp::spectrum::AMPLITUDE_JND_DB;
-use crate::dsp::sums::{extremes, sum};
+use stylus_dsp::autocorrelation::PaddedSpectrum;
+use stylus_dsp::high_pass::lowest_hz;
+use stylus_dsp::log_spectrum::{BINS, FINE_BINS, density_of_model};
+use stylus_dsp::model::Model;
+use stylus_dsp::spectrum::AMPLITUDE_JND_DB;
+use stylus_dsp::sums::{extremes, sum};
 
 /// Leakage in any third-octave band above which the ends are tapered, dB.
 const TOLERABLE_LEAKAGE_DB: f64 = 1.0;
@@ -342,7 +341,7 @@ impl Bands {
 
 /// Returns the centre of a band, Hz.
 ///
-/// Centres and edges differ in their last bits from [`third_octave_hz`](crate::dsp::spectrum::third_octave_hz), and
+/// Centres and edges differ in their last bits from [`third_octave_hz`](stylus_dsp::spectrum::third_octave_hz), and
 /// stay, because a bit of a band's power may decide on a model's order, and so on the bytes of a library.
 fn centre_hz(band: usize) -> f64 {
     10f64.powf((LOWEST + band as f64) / 10.0)

@@ -1,6 +1,12 @@
 //! Fitted textures: first their models, then their excitation; and the fit that they form.
 
 use model_format::{NodeSpec, Provenance, TextureSpec, limits};
+use stylus_signals::recording::RecordingSet;
+use stylus_signals::recording::triage::Kind;
+use stylus_support::in_order::in_order;
+use stylus_support::number::counted;
+use stylus_support::warning::Warning;
+use stylus_support::{Error, Result};
 
 use super::blocks::Part;
 use super::excitation::{self, Axes, Choice, Chosen, Excess, ExcitationReport};
@@ -12,12 +18,6 @@ use super::recordings::{Recordings, Take};
 use super::reports::TrialReport;
 use super::room;
 use super::trial::signal_of_judged;
-use crate::recording::RecordingSet;
-use crate::recording::triage::Kind;
-use crate::support::error::{Error, Result};
-use crate::support::in_order::in_order;
-use crate::support::number::counted;
-use crate::support::warning::Warning;
 use crate::texture::grid::Grid;
 use crate::texture::library::{spec_of, stored_nodes};
 use crate::texture::quantise::is_too_loud;
@@ -315,9 +315,9 @@ pub fn encoded(specs: &[TextureSpec]) -> Result<Vec<u8>> {
 mod tests {
     use super::*;
     use crate::fit::fit;
-    use crate::recording::Trial;
-    use crate::support::float_wav::float_wav;
     use model_format::{NodeFlags, SAMPLE_RATE_HZ};
+    use stylus_signals::recording::Trial;
+    use stylus_support::float_wav::float_wav;
     use test_helpers::{holds, noise};
 
     #[test]

@@ -7,15 +7,16 @@
 
 use std::path::Path;
 
+use stylus_dsp::fourier::quick_length;
+use stylus_dsp::reduction::View;
+use stylus_dsp::spectrum::{PowerSpectrum, band_edges_hz, longest_segment, without_noise};
+use stylus_signals::recording::{RecordingSet, Trial};
+use stylus_support::in_order::in_order;
+use stylus_support::number::counted;
+use stylus_support::{Error, Result};
+
 use super::options::Options;
 use super::trial::{FloorShares, read_axes};
-use crate::dsp::fourier::quick_length;
-use crate::dsp::reduction::View;
-use crate::dsp::spectrum::{PowerSpectrum, band_edges_hz, longest_segment, without_noise};
-use crate::recording::{RecordingSet, Trial};
-use crate::support::error::{Error, Result};
-use crate::support::in_order::in_order;
-use crate::support::number::counted;
 
 /// Divisor for the length of the segments of both spectra: about a tenth of the shorter recording, so that each
 /// spectrum is a mean over about twenty segments.
@@ -176,11 +177,11 @@ pub(super) fn unknown(texture: &str) -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dsp::reduction::Reduction;
     use crate::fit::fit;
-    use crate::support::float_wav::float_wav;
     use model_format::SAMPLE_RATE_HZ;
     use proptest::prelude::*;
+    use stylus_dsp::reduction::Reduction;
+    use stylus_support::float_wav::float_wav;
     use test_helpers::{holds, near, noise};
 
     const SEGMENT: usize = 500;

@@ -3,17 +3,17 @@
 
 use model_format::{FadeLaw, Laws, LevelLaw, NodeFlags, PartsSpec, limits};
 use rayon::prelude::*;
+use stylus_dsp::linear_prediction::{Prediction, corrected};
+use stylus_dsp::model::Model;
+use stylus_dsp::sums::upper_median;
+use stylus_signals::recording::Trial;
+use stylus_support::{Error, Result};
 
 use super::estimate::{BandLevel, Bands, pooled_lags};
 use super::lines::{Findings, LineMember, lines_on};
 use super::options::{Options, Order};
 use super::reports::TrialReport;
 use super::trial::Analysis;
-use crate::dsp::linear_prediction::{Prediction, corrected};
-use crate::dsp::model::Model;
-use crate::dsp::sums::upper_median;
-use crate::recording::Trial;
-use crate::support::error::{Error, Result};
 use crate::texture::grid::Grid;
 
 /// Least distance of a model's third-octave band from the recording's for which there is a note, dB.

@@ -4,8 +4,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use stylus_signals::recording::{Kind, RecordingSet, TRIALS_FILE, is_list};
+
 use super::record::FitRecord;
-use crate::recording::{Kind, RecordingSet, TRIALS_FILE, is_list};
 
 /// Endings of other files than recordings for which a folder may be given: HaTT's models, partial results.
 const ENDINGS: [&str; 2] = ["xml", "part"];

@@ -40,8 +40,8 @@
 //! Invariant: recordings in, models and their textures out. Nothing here draws, prints or writes a file, except that
 //! `parts` and `record` write their own.
 
-use crate::recording::RecordingSet;
-use crate::support::error::Result;
+use stylus_signals::recording::RecordingSet;
+use stylus_support::Result;
 
 pub mod blocks;
 pub mod conditioning;

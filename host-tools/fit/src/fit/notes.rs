@@ -4,19 +4,21 @@ use std::collections::{BTreeMap, HashSet};
 use std::path::Path;
 
 use model_format::SAMPLE_RATE_HZ;
+use stylus_dsp::high_pass::{SLOW_HZ, lowest_hz};
+use stylus_dsp::model::Model;
+use stylus_dsp::spectrum::band_centre_hz;
+use stylus_signals::recording::pattern::one_number;
+use stylus_signals::recording::{
+    GRAVITY_M_S2, GRAVITY_TOLERANCE, RecordingSet, Trial, Unscaled, grid_by_gaps, list_command,
+};
+use stylus_support::number::counted;
+use stylus_support::warning::Warning;
 
 use super::floor::by_speed;
 use super::grid::{AssembledGrid, LoudTrial, Member, Miss};
 use super::options::{FloorChoice, Options, Order};
 use super::reports::TrialReport;
-use crate::dsp::high_pass::{SLOW_HZ, lowest_hz};
-use crate::dsp::model::Model;
-use crate::dsp::spectrum::band_centre_hz;
 use crate::fit::conditioning::HighPass;
-use crate::recording::pattern::one_number;
-use crate::recording::{GRAVITY_M_S2, GRAVITY_TOLERANCE, RecordingSet, Trial, Unscaled, grid_by_gaps, list_command};
-use crate::support::number::counted;
-use crate::support::warning::Warning;
 use crate::texture::grid::{Grid, is_recorded};
 
 /// Ratio of a recording's mean to its RMS above which the mean is no mere offset of an amplifier. It is gravity, which

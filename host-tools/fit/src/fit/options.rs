@@ -4,14 +4,14 @@ use std::path::PathBuf;
 
 use clap::builder::PossibleValuesParser;
 use serde::{Deserialize, Serialize};
+use stylus_signals::recording::Snap;
+use stylus_signals::recording::triage::{Kind, SILENCE_FLOOR_M_S2};
+use stylus_support::number::not_negative;
+use stylus_support::{Error, Result};
 
 use model_format::{PlayRate, SAMPLE_RATE_HZ};
 
 use crate::fit::conditioning::Conditioning;
-use crate::recording::Snap;
-use crate::recording::triage::{Kind, SILENCE_FLOOR_M_S2};
-use crate::support::error::{Error, Result};
-use crate::support::number::not_negative;
 
 /// The choice of a model's order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

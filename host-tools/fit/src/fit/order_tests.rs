@@ -4,17 +4,17 @@ use std::f64::consts::TAU;
 
 use model_format::SAMPLE_RATE_HZ;
 use proptest::prelude::*;
-use test_helpers::noise;
+use stylus_dsp::autocorrelation::PaddedSpectrum;
+use stylus_dsp::log_spectrum::{FINE_BINS, density_of_model};
+use stylus_dsp::model::Model;
+use stylus_dsp::spectrum::band_edges_hz;
+use stylus_dsp::sums::rms;
+use stylus_signals::recording::resample;
+use test_helpers::{noise, resonant};
 
 use super::estimate::{Bands, KnownBand, estimate};
 use super::grid::model_of;
 use super::options::Order;
-use crate::dsp::autocorrelation::PaddedSpectrum;
-use crate::dsp::log_spectrum::{FINE_BINS, density_of_model};
-use crate::dsp::model::Model;
-use crate::dsp::spectrum::band_edges_hz;
-use crate::dsp::sums::rms;
-use crate::recording::resample;
 
 const MAX_ORDER: usize = model_format::limits::MAX_ORDER;
 
@@ -23,12 +23,7 @@ fn textured(seed: u64, samples: usize, resonances: &[(f64, f64)]) -> Vec<f64> {
     const SETTLED: usize = 5000;
     let mut signal = noise(seed, samples + SETTLED);
     for &(hz, radius) in resonances {
-        let (mut one, mut two) = (0.0, 0.0);
-        let (a, b) = feedback(hz, radius);
-        for x in &mut signal {
-            *x += a * one - b * two;
-            (two, one) = (one, *x);
-        }
+        signal = resonant(signal, TAU * hz / f64::from(SAMPLE_RATE_HZ), radius);
     }
     signal.split_off(SETTLED)
 }

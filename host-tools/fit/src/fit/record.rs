@@ -12,18 +12,18 @@ use std::path::{Path, PathBuf};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::ser::{Formatter, Serializer};
+use stylus_signals::recording::{RecordingSet, TimeUnit, Trial};
+use stylus_support::atomic_file;
+use stylus_support::bounded_file::Format;
+use stylus_support::file_name::portable;
+use stylus_support::fnv::Fnv;
+use stylus_support::in_order::in_order;
+use stylus_support::{Error, Result};
 
 use super::excitation::ExcitationReport;
 use super::fitted::Fit;
 use super::lines::Findings;
 use super::options::Options;
-use crate::recording::{RecordingSet, TimeUnit, Trial};
-use crate::support::atomic_file;
-use crate::support::bounded_file::Format;
-use crate::support::error::{Error, Result};
-use crate::support::file_name::portable;
-use crate::support::fnv::Fnv;
-use crate::support::in_order::in_order;
 
 /// Ending that is appended to the name of a library's file to name its record.
 const ENDING: &str = ".fit.json";
@@ -354,7 +354,7 @@ const PIECE: usize = 1 << 16;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::recording::HeldSamples;
+    use stylus_signals::recording::HeldSamples;
 
     #[test]
     fn figures_that_differ_by_the_systems_sine_are_recorded_alike() {

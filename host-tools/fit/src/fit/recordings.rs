@@ -3,6 +3,10 @@
 use std::ops::Range;
 
 use rayon::prelude::*;
+use stylus_dsp::reduction::View;
+use stylus_signals::recording::{RecordingSet, Trial};
+use stylus_support::Result;
+use stylus_support::in_order::in_order;
 
 use super::blocks::Part;
 use super::estimate::estimate_of;
@@ -10,10 +14,6 @@ use super::floor::{Floor, NoiseTake, named, unknown};
 use super::lines::{Findings, Lines, TrialLines, separate};
 use super::options::{FloorChoice, Options};
 use super::trial::{Analysis, Signal, analyse_axes};
-use crate::dsp::reduction::View;
-use crate::recording::{RecordingSet, Trial};
-use crate::support::error::Result;
-use crate::support::in_order::in_order;
 
 /// The recordings of one texture.
 #[derive(Default)]

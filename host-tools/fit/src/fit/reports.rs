@@ -1,14 +1,14 @@
 //! The report on every trial of a set: findings on the trial by itself, and findings from the comparison of all trials.
 
 use serde::Serialize;
+use stylus_signals::recording::Unscaled;
+use stylus_signals::recording::triage::{self, Compared, Verdict, in_words};
+use stylus_support::file_name::portable;
+use stylus_support::{Error, Result};
 
 use super::options::Options;
 use super::recordings::{Recorded, Recordings};
 use super::trial::FloorShares;
-use crate::recording::Unscaled;
-use crate::recording::triage::{self, Compared, Verdict, in_words};
-use crate::support::error::{Error, Result};
-use crate::support::file_name::portable;
 
 /// The report on a trial.
 #[derive(Clone, Debug, Serialize)]

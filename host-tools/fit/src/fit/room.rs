@@ -1,12 +1,12 @@
 //! The room of a library: a set that cannot fit into one is refused before its recordings are read, with what fits.
 
 use model_format::{DecodeError, Problem, TextureSpec, limits};
+use stylus_signals::recording::RecordingSet;
+use stylus_support::number::counted;
+use stylus_support::{Error, Result};
 
 use super::grid::axis;
 use super::options::{Options, Order};
-use crate::recording::RecordingSet;
-use crate::support::error::{Error, Result};
-use crate::support::number::counted;
 
 /// Bytes of a node without its coefficients.
 const NODE_BYTES: usize = 16;
@@ -103,8 +103,8 @@ fn largest_order(nodes: usize) -> Option<usize> {
 mod tests {
     use super::*;
     use crate::fit::fit;
-    use crate::recording::Trial;
     use model_format::{CodeSpec, NodeSpec, encode};
+    use stylus_signals::recording::Trial;
 
     fn set(textures: usize, speeds: usize, forces: usize) -> RecordingSet {
         let trial = |n: usize| {

@@ -4,22 +4,22 @@ use std::ops::Range;
 
 use model_format::SAMPLE_RATE_HZ;
 use serde::{Deserialize, Serialize};
+use stylus_dsp::autocorrelation::PaddedSpectrum;
+use stylus_dsp::high_pass::high_pass;
+use stylus_dsp::reduction::{Reduced, Reduction, angle_deg, reduce, remove_mean};
+use stylus_dsp::sums::mean;
+use stylus_signals::recording::triage::{Kind, MainsLine, Sketch, Verdict};
+use stylus_signals::recording::{self, Account, Samples, Trial, triage};
+use stylus_support::{Error, Result};
 
 use super::blocks::Part;
 use super::estimate::{Bands, Estimate, KnownBand, estimate, estimate_of};
 use super::lines::TrialLines;
 use super::options::Options;
-use crate::dsp::autocorrelation::PaddedSpectrum;
-use crate::dsp::high_pass::high_pass;
-use crate::dsp::reduction::{Reduced, Reduction, angle_deg, reduce, remove_mean};
-use crate::dsp::sums::mean;
 use crate::fit::conditioning::{Conditioning, HighPass};
-use crate::recording::triage::{Kind, MainsLine, Sketch, Verdict};
-use crate::recording::{self, Account, Samples, Trial, triage};
-use crate::support::error::{Error, Result};
 
 /// Number of third octaves for which the fraction of the rig's noise is given: those of
-/// [`band_edges_hz`](crate::dsp::spectrum::band_edges_hz) from 20 Hz to 2 kHz.
+/// [`band_edges_hz`](stylus_dsp::spectrum::band_edges_hz) from 20 Hz to 2 kHz.
 pub const FLOOR_BANDS: usize = 21;
 
 /// Fraction of the rig's noise in a recording's power, 0 to 1, for each third octave.

@@ -5,14 +5,14 @@ use model_format::scene::{
     Biquad, MotionOfScene, Region, Scene, SceneError, SceneName, ScenePlace, SceneProblem, StickSlip, Surface, Tap,
 };
 use model_format::{Library, Provenance};
+use stylus_dsp::equaliser::Section;
 use stylus_kernel::scene::Plan;
+use stylus_support::hand::{force_fault, speed_fault};
+use stylus_support::nearest::listed;
+use stylus_support::toml_field::{Field, line_of};
+use stylus_support::{Error, Result};
 
 use super::description::{ConstantMotion, SceneFile, SurfaceDescription};
-use crate::dsp::equaliser::Section;
-use crate::support::error::{Error, Result};
-use crate::support::hand::{force_fault, speed_fault};
-use crate::support::nearest::listed;
-use crate::support::toml_field::{Field, line_of};
 
 /// A scene in its wire form, checked against the library that plays it.
 #[derive(Clone, Debug)]

@@ -6,9 +6,9 @@ use model_format::scene::{MotionOfScene, Scene, Surface};
 use serde::Serialize;
 use stylus_kernel::scene::cost::{Cost, Item, Term, budget_per_sample};
 use stylus_kernel::scene::{Plan, cost};
+use stylus_support::{Error, Result};
 
 use super::library::surface_names;
-use crate::support::error::{Error, Result};
 
 /// A scene's cost against a budget, in instructions per sample.
 #[derive(Clone, Debug, PartialEq, Serialize)]

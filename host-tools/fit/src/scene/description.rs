@@ -5,11 +5,10 @@ use std::path::{Path, PathBuf};
 
 use model_format::SAMPLE_RATE_HZ;
 use serde::Deserialize;
-
-use crate::dsp::equaliser::SectionKind;
-use crate::support::bounded_file::Format;
-use crate::support::error::{Error, Result};
-use crate::support::toml_field::{Field, from_toml};
+use stylus_dsp::equaliser::SectionKind;
+use stylus_support::bounded_file::Format;
+use stylus_support::toml_field::{Field, from_toml};
+use stylus_support::{Error, Result};
 
 /// A scene's content.
 #[derive(Clone, Debug, PartialEq, Deserialize)]

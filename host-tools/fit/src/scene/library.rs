@@ -6,10 +6,10 @@ use std::path::Path;
 use model_format::limits::MAX_TEXTURES;
 use model_format::scene::Scene;
 use model_format::{Library, NodeSpec, PartsSpec, Texture, TextureSpec, encode_with_scenes};
+use stylus_support::nearest::{listed, nearly};
+use stylus_support::{Error, Result};
 
 use super::compile::CompiledScene;
-use crate::support::error::{Error, Result};
-use crate::support::nearest::{listed, nearly};
 
 /// Encodes `library` with `scenes` added. They replace scenes of the same name; all others stay the same.
 pub fn with_scenes(library: &Library<'_>, scenes: &[Scene]) -> Result<Vec<u8>> {

@@ -1,8 +1,7 @@
 //! A texture's grid of models over speed and force.
 
 use model_format::{Laws, NodeFlags, PartsSpec};
-
-use crate::dsp::model::Model;
+use stylus_dsp::model::Model;
 
 /// Models over ascending speeds and forces. All forces of the first speed come first (speed-major).
 #[derive(Clone, Debug, PartialEq)]

@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use model_format::{Library, NodeSpec, Provenance, SAMPLE_RATE_HZ, Texture, TextureSpec, encode};
+use stylus_support::bounded_file::Format;
+use stylus_support::number::counted;
+use stylus_support::{Error, Result};
 
 use super::grid::Grid;
 use super::{quantise, theta};
-use crate::support::bounded_file::Format;
-use crate::support::error::{Error, Result};
-use crate::support::number::counted;
 
 /// Returns the library's entry for texture `name`: the stored `nodes` of `grid`, and the grid's parts.
 pub(crate) fn spec_of(name: &str, provenance: Provenance, grid: &Grid, nodes: Vec<NodeSpec>) -> TextureSpec {

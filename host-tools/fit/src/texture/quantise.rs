@@ -3,12 +3,12 @@
 use model_format::{
     CodeSpec, Coefficients, FINE_THETA_STEP_RAD, LevelLaw, NodeFlags, NodeSpec, THETA_FRACTION_BITS, Texture, limits,
 };
+use stylus_dsp::linear_prediction::error_share;
+use stylus_dsp::model::Model;
 use stylus_kernel::grid::{GridPoint, ONE};
+use stylus_support::in_order::in_order;
+use stylus_support::{Error, Result};
 
-use crate::dsp::linear_prediction::error_share;
-use crate::dsp::model::Model;
-use crate::support::error::{Error, Result};
-use crate::support::in_order::in_order;
 use crate::texture::grid::Grid;
 
 /// Returns all nodes of `grid` as codes.
@@ -149,9 +149,9 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::dsp::linear_prediction::{Prediction, step_up};
-    use crate::dsp::model_error::ModelError;
     use crate::texture::theta::LARGEST_ERROR;
+    use stylus_dsp::linear_prediction::{Prediction, step_up};
+    use stylus_dsp::model_error::ModelError;
 
     fn model(reflection: Vec<f64>) -> Model {
         Model::new(reflection, 2.0)

@@ -6,16 +6,16 @@
 
 use model_format::{CodeSpec, NodeSpec, limits};
 use rayon::prelude::*;
+use stylus_dsp::model::Model;
+use stylus_dsp::model_error::ModelError;
 
-use crate::dsp::model::Model;
-use crate::dsp::model_error::ModelError;
 use crate::texture::grid::Grid;
 use crate::texture::quantise::{COMPACT_FINE_STAGES, compact_codes, stored_reflection, with_codes};
 
 /// Largest errors of a node that compact θ may cause.
 ///
 /// These bounds of the RMS and the third octaves are far below any just noticeable difference (2.2 dB of amplitude,
-/// [`crate::dsp::spectrum::AMPLITUDE_JND_DB`]), and below the scatter between two takes of one surface.
+/// [`stylus_dsp::spectrum::AMPLITUDE_JND_DB`]), and below the scatter between two takes of one surface.
 pub(crate) const LARGEST_ERROR: ModelError = ModelError {
     rms_db: 0.1,
     third_octave_db: 0.2,

@@ -7,9 +7,9 @@ use model_format::link::{
     SelfTestError, SettingsError, StopError, USB_PRODUCT_ID, USB_VENDOR_ID, UpdateError, UploadError,
 };
 use postcard_rpc::standard_icd::WireError;
+use stylus_support::nearest::listed;
 
 use super::Mismatch;
-use crate::support::nearest::listed;
 
 /// A failure of the link, or a refusal of the device. Each message is one line with the remedy.
 #[derive(Debug, thiserror::Error)]
@@ -225,7 +225,7 @@ boxed! {
     SelfTest(SelfTestError),
 }
 
-impl From<LinkError> for crate::support::error::Error {
+impl From<LinkError> for stylus_support::Error {
     fn from(failure: LinkError) -> Self {
         Self::Request(failure.to_string())
     }

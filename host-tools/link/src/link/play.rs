@@ -6,10 +6,10 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use model_format::link::{Activity, KEEP_ALIVE_MS, MotionSample, MotionSource, MuteReason, MuteReasons, Status};
+use stylus_signals::playing::motion::MotionPath;
 
 use super::Device;
 use super::error::Result;
-use crate::playing::motion::MotionPath;
 
 /// Highest rate of motions, Hz.
 pub const MAX_MOTION_RATE_HZ: u32 = 1_000;

@@ -6,9 +6,8 @@ use model_format::link::{
 };
 use serde::Serialize;
 use stylus_app::safety::Config;
-
-use crate::support::error::{Error, Result};
-use crate::support::nearest::listed;
+use stylus_support::nearest::listed;
+use stylus_support::{Error, Result};
 
 /// Origin of a setting's value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

@@ -6,12 +6,12 @@ use std::time::{Duration, Instant};
 
 use model_format::link::{EXCHANGE_MS, ImageHeader, SIGNED_BYTES, UpdateBegin, UpdateError, UpdatePhase, UpdateReport};
 use serde::Serialize;
+use stylus_support::Error;
+use stylus_support::bounded_file::Format;
 
 use super::Device;
 use super::error::{LinkError, Result};
 use super::upload::retried;
-use crate::support::bounded_file::Format;
-use crate::support::error::Error;
 
 /// Interval between checks of a device that restarts.
 const LOOK_INTERVAL: Duration = Duration::from_millis(500);
@@ -26,7 +26,7 @@ pub struct UpdateFile {
 
 impl UpdateFile {
     /// Reads the file at `path`. The device checks its signature.
-    pub fn read(path: &Path) -> crate::support::error::Result<Self> {
+    pub fn read(path: &Path) -> stylus_support::Result<Self> {
         let bytes = Format::Update.read(path)?;
         let header = ImageHeader::read(&bytes);
         let header = header

@@ -11,15 +11,15 @@ use std::path::{Path, PathBuf};
 
 use model_format::Provenance;
 use model_format::limits::MAX_NAME_BYTES;
+use stylus_signals::recording::{MOST_TRIALS, RecordingSet, TRIALS_FILE, Trial};
+use stylus_support::bounded_file::Format;
+use stylus_support::csv_table::{CsvTable, is_content, written};
+use stylus_support::float_wav::float_wav;
+use stylus_support::hand::{force_fault, speed_fault};
+use stylus_support::{Error, Result};
+use stylus_support::{atomic_file, file_name};
 
 use crate::link::capture::{Calibration, Capture};
-use crate::recording::{MOST_TRIALS, RecordingSet, TRIALS_FILE, Trial};
-use crate::support::bounded_file::Format;
-use crate::support::csv_table::{CsvTable, is_content, written};
-use crate::support::error::{Error, Result};
-use crate::support::float_wav::float_wav;
-use crate::support::hand::{force_fault, speed_fault};
-use crate::support::{atomic_file, file_name};
 
 /// A trial to be recorded: one texture at one speed and force.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,16 +1,16 @@
 //! Recordings of a free hand: the record stream with the speed and force at each sample, as input of
-//! [`crate::recording::freehand`].
+//! [`stylus_signals::recording::freehand`].
 
 use std::fmt::Write;
 use std::path::Path;
 
 use model_format::Provenance;
 use model_format::link::RecordSample;
+use stylus_support::atomic_file;
 
 use crate::link::Device;
 use crate::link::Result;
 use crate::link::capture::{Calibration, Loss, Stream};
-use crate::support::atomic_file;
 
 /// Window over which the encoder's counts are averaged, s. A slow hand moves the encoder by less than one count per
 /// sample at 5 kHz.
@@ -85,14 +85,9 @@ impl Strokes {
             .collect()
     }
 
-    /// Writes a CSV file for [`crate::recording::freehand::read`]: `time_s`, three axes in m/s², `speed_mm_s`,
+    /// Writes a CSV file for [`stylus_signals::recording::freehand::read`]: `time_s`, three axes in m/s², `speed_mm_s`,
     /// `force_n`. A lost sample is written as not a number, so that no stretch includes it.
-    pub fn write(
-        &self,
-        path: &Path,
-        calibration: &Calibration,
-        provenance: Provenance,
-    ) -> crate::support::error::Result<()> {
+    pub fn write(&self, path: &Path, calibration: &Calibration, provenance: Provenance) -> stylus_support::Result<()> {
         let mut text = match provenance {
             Provenance::Simulated => String::from("# SIMULATED\n"),
             Provenance::Recorded | Provenance::Unscaled => String::new(),
@@ -158,7 +153,7 @@ mod tests {
         strokes(400..450)
             .write(&path, &CALIBRATION, Provenance::Simulated)
             .unwrap();
-        let read = crate::recording::freehand::read(&path, None, None).unwrap();
+        let read = stylus_signals::recording::freehand::read(&path, None, None).unwrap();
         assert!(read.is_simulated);
         assert_eq!((read.rate_hz, read.axes.len()), (5000.0, 3));
         for n in 0..1000 {

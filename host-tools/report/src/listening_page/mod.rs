@@ -9,15 +9,14 @@ use std::path::Path;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
+use stylus_evaluation::listening::{CHANCE, CONFIDENCE, FADE_S, Plan, Task};
+use stylus_support::Result;
+use stylus_support::atomic_file;
+use stylus_support::fnv::Fnv;
+use stylus_support::visible::page_json;
 
-use super::family;
 use super::html::POLICY;
 use super::sound::whole_sound;
-use crate::evaluation::listening::{CHANCE, CONFIDENCE, FADE_S, Plan, Task};
-use crate::support::atomic_file;
-use crate::support::error::Result;
-use crate::support::fnv::Fnv;
-use crate::support::visible::page_json;
 
 /// Number of trials after which a break is proposed.
 const BREAK_EVERY: usize = 12;
@@ -92,7 +91,7 @@ fn page(plan: &Plan) -> Result<String> {
         script = include_str!("script.js"),
     );
     let style = include_str!("style.css");
-    Ok(family::document(POLICY, title, style, &content))
+    Ok(stylus_pages::document(POLICY, title, style, &content))
 }
 
 /// Returns duration and level of the sounds, in words.
@@ -118,8 +117,8 @@ fn facts(plan: &Plan) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evaluation::listening::{Kind, Pair, Trial};
     use crate::html::assert_fetches_nothing;
+    use stylus_evaluation::listening::{Kind, Pair, Trial};
 
     fn plan(surface: &str, simulated: bool) -> Plan {
         let sound = |n: usize| (0..500).map(|i| (i as f64 * 0.01 * n as f64).sin()).collect();

@@ -12,13 +12,13 @@ use plotters::coord::types::RangedCoordf64;
 use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
+use stylus_support::decimal::fixed;
+use stylus_support::visible::{escaped, visible};
+use stylus_support::{Error, Result};
 
 use super::colours::{dark_scale_style, dark_style};
 use super::figure::{AxisData, AxisScale, Frame, Kind, Panel, Quantity, Series, overlay, thinned};
 use super::{Caption, Svg};
-use crate::support::decimal::fixed;
-use crate::support::error::{Error, Result};
-use crate::support::visible::{escaped, visible};
 
 pub use super::colours::{ALERT, BLUE, INK, ON_PALE, PALE, SERIES, VERMILION};
 

@@ -4,6 +4,8 @@ use std::ops::Range;
 
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
+use stylus_dsp::spectrum::{smoothed_amplitude, spectral_cost};
+use stylus_support::Result;
 
 use super::canvas::{
     Axis, BLUE, Drawn, INK, Plot, SERIES, Stroke, Swatch, TEXT, VERMILION, at, chart, line, range_with_zero, text,
@@ -11,8 +13,6 @@ use super::canvas::{
 };
 use super::figure::{ACCELERATION, FREQUENCY, Kind, POWER_DENSITY, Quantity, Series, TIME_MS};
 use super::{Caption, Svg};
-use crate::dsp::spectrum::{smoothed_amplitude, spectral_cost};
-use crate::support::error::Result;
 
 /// One choice as a point of a chart of fronts.
 #[derive(Clone, Debug, PartialEq)]

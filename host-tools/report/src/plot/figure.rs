@@ -6,9 +6,9 @@ use std::fmt::Write as _;
 
 use plotters::style::RGBColor;
 use serde::{Serialize, Serializer};
+use stylus_support::visible::{escaped, page_json};
 
 use super::colours::hex;
-use crate::support::visible::{escaped, page_json};
 
 /// A rectangle parallel to the axes, in drawn pixels, x to the right and y down.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

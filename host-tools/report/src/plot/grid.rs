@@ -3,6 +3,8 @@
 use model_format::NodeFlags;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
+use stylus_support::decimal::fixed;
+use stylus_support::{Error, Result};
 
 use super::canvas::{
     Area, BAR, Drawn, INK, Mark, ON_PALE, PALE, Swatch, TEXT, at, centred, colour_bar, draw_upwards, grid_value,
@@ -12,8 +14,6 @@ use super::colours::{SHADES, shade};
 use super::curves::NARROW;
 use super::figure::{AxisData, FORCE, Frame, Panel, Quantity, SPEED, Series};
 use super::{Caption, Svg};
-use crate::support::decimal::fixed;
-use crate::support::error::{Error, Result};
 
 /// A quantity over a texture's grid.
 #[derive(Clone, Debug, PartialEq)]

@@ -17,9 +17,8 @@ mod waveforms;
 use std::path::Path;
 
 use stylus_pages::colours;
-
-use crate::support::atomic_file;
-use crate::support::error::Result;
+use stylus_support::Result;
+use stylus_support::atomic_file;
 
 pub(crate) use curves::{FrontPoint, FrontSeries, front_chart, spectra, spectrum_axes, waveform_axes};
 pub use figure::Panel;

@@ -1,10 +1,11 @@
 //! Measured levels over frequency.
 
+use stylus_support::Result;
+
 use super::canvas::{Axis, Drawn, INK, Plot, SERIES, Stroke, Swatch, chart};
 use super::curves::{FIRST_OCTAVE_HZ, OCTAVES_HZ};
 use super::figure::{FREQUENCY, POWER_DENSITY};
 use super::{Caption, Quantity, Svg};
-use crate::support::error::Result;
 
 /// A level over frequency.
 #[derive(Clone, Copy, Debug, PartialEq)]

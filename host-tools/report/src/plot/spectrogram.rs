@@ -6,15 +6,15 @@ use std::ops::Range;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use plotters::prelude::*;
+use stylus_dsp::liveliness::kurtosis;
+use stylus_dsp::spectrum::dft_amplitude;
+use stylus_support::decimal::fixed;
+use stylus_support::{Error, Result};
 
 use super::canvas::{Area, Axis, BAR, Drawn, INK, TEXT, at, axes, centred, colour_bar, picture};
 use super::colours::{between, hex};
 use super::figure::{Bitmap, FREQUENCY, POWER_DENSITY, Panel, Series, TIME_S};
 use super::{Caption, Svg};
-use crate::dsp::liveliness::kurtosis;
-use crate::dsp::spectrum::dft_amplitude;
-use crate::support::decimal::fixed;
-use crate::support::error::{Error, Result};
 
 /// Length of a window on a steady signal, s. It resolves lines 12 Hz apart.
 const LONG_S: f64 = 0.16;

@@ -1,11 +1,12 @@
 //! Waveforms of several signals, one below the other, with their envelopes.
 
+use stylus_support::Result;
+
 use super::canvas::{
     Axis, HEADING, INK, LEFT, SERIES, Stroke, Swatch, TEXT, at, axes, legend, picture, range_around_zero, text,
 };
 use super::figure::{ACCELERATION, TIME_MS, TIME_S};
 use super::{Caption, Svg};
-use crate::support::error::Result;
 
 /// Durations of the two columns, s. The left one shows cycles, the right one changes of level.
 const DURATIONS_S: [f64; 2] = [0.1, 2.0];

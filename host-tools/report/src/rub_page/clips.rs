@@ -7,9 +7,9 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use model_format::{Library, SAMPLE_RATE_HZ};
 use serde::Serialize;
+use stylus_fit::texture::grid::is_recorded;
 
 use super::{Clips, Recordings};
-use crate::texture::grid::is_recorded;
 
 /// Size of all clips of a page with [`Clips::Budget`], bytes. Each sample takes one byte; in the page they take a third
 /// more.

@@ -8,19 +8,19 @@ use model_format::{Provenance, Texture};
 use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::{Value, json};
+use stylus_fit::fit;
+use stylus_fit::texture::grid::as_written;
 use stylus_kernel::digest::{DIGEST_SEED, DIGEST_WORDS, of_plan};
 use stylus_kernel::scene::Plan;
+use stylus_signals::playing::wavefront::Wavefront;
+use stylus_signals::recording::Trial;
+use stylus_support::Result;
+use stylus_support::decimal::significant;
 
 use super::clips::{Clip, Thinning};
 use super::spectra::{STEPS_PER_DB, Spectrum, band_centres_hz, model_spectrum, recorded_spectrum};
 use super::tip::TipData;
 use super::{Inputs, KERNEL, KERNEL_BUILT_BY, Recordings};
-use crate::fit;
-use crate::playing::wavefront::Wavefront;
-use crate::recording::Trial;
-use crate::support::decimal::significant;
-use crate::support::error::Result;
-use crate::texture::grid::as_written;
 
 /// Version of the data's format.
 const VERSION: u32 = 2;

@@ -18,17 +18,16 @@ use std::path::Path;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use model_format::Library;
+use stylus_evaluation::evaluate::Evaluation;
+use stylus_fit::fit::conditioning::Conditioning;
+use stylus_fit::texture::library::unknown_levels;
 use stylus_plant::Plant;
+use stylus_signals::recording::RecordingSet;
+use stylus_support::Result;
+use stylus_support::atomic_file;
+use stylus_support::visible::page_json;
 
-use super::family;
 use super::html::escaped;
-use crate::evaluation::evaluate::Evaluation;
-use crate::fit::conditioning::Conditioning;
-use crate::recording::RecordingSet;
-use crate::support::atomic_file;
-use crate::support::error::Result;
-use crate::support::visible::page_json;
-use crate::texture::library::unknown_levels;
 
 /// The kernel as a WebAssembly module, as `cargo tasks browser-module` builds it.
 pub const KERNEL: &[u8] = include_bytes!("kernel.wasm");
@@ -154,11 +153,11 @@ fn page(inputs: &Inputs<'_>, progress: impl Fn()) -> Result<(String, Written)> {
         library = STANDARD.encode(inputs.bytes),
         data = page_json(data),
         worklet = WORKLET.join("\n"),
-        plots = family::plots_script(),
+        plots = stylus_pages::plots_script(),
         script = SCRIPTS.join("\n"),
     );
     let (title, style) = (escaped(&data.title), include_str!("style.css"));
-    let text = family::document(POLICY, &title, style, &content);
+    let text = stylus_pages::document(POLICY, &title, style, &content);
     let written = Written {
         bytes: text.len(),
         simulated: data.simulated,

@@ -1,8 +1,9 @@
 //! Pictures of the page: axes in which its scripts draw.
 
+use stylus_support::Result;
+
 use super::data::Data;
 use crate::plot::{COST, Caption, Quantity, Scale, Svg, map_axes, spectrum_axes, waveform_axes};
-use crate::support::error::Result;
 
 /// Range of the spectra's level axis, dB.
 const SPAN_DB: f64 = 80.0;

@@ -1,11 +1,10 @@
 //! Power densities of recordings and models in twelfth-octave bands, in the form that a page keeps.
 
 use model_format::{Node, SAMPLE_RATE_HZ};
-
-use crate::dsp::log_spectrum::LogSpectrum;
-use crate::dsp::model::Model;
-use crate::dsp::spectrum::{PowerSpectrum, longest_segment};
-use crate::texture::quantise::reflection;
+use stylus_dsp::log_spectrum::LogSpectrum;
+use stylus_dsp::model::Model;
+use stylus_dsp::spectrum::{PowerSpectrum, longest_segment};
+use stylus_fit::texture::quantise::reflection;
 
 /// Bands per octave.
 const PER_OCTAVE: f64 = 12.0;

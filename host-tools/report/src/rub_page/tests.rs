@@ -1,13 +1,13 @@
 //! Tests of the page and its data against the library that they show.
 
 use model_format::{CodeSpec, Library, NodeFlags, NodeSpec, Provenance, TextureSpec, encode};
+use stylus_dsp::spectrum::PowerSpectrum;
 use stylus_kernel::arithmetic::Portable;
 use stylus_kernel::digest::of_plan;
 use stylus_kernel::scene::Plan;
 
 use super::spectra::{Spectrum, band_centres_hz, model_spectrum, recorded_spectrum};
 use super::*;
-use crate::dsp::spectrum::PowerSpectrum;
 use crate::html::assert_fetches_nothing;
 use test_helpers::near;
 
@@ -110,11 +110,11 @@ fn spectra_have_the_level_of_what_is_played() {
     for level in model_spectrum(&texture.node(0, 0), 5000.0).levels_db() {
         near(level.unwrap(), flat, 0.02);
     }
-    let motion = crate::playing::motion::MotionPath::constant(
+    let motion = stylus_signals::playing::motion::MotionPath::constant(
         model_format::MillimetresPerSecond(100.0),
         model_format::Newton(1.0),
     );
-    let rendered = crate::playing::render::render(texture, &motion.unwrap(), 300.0, 3).unwrap();
+    let rendered = stylus_signals::playing::render::render(texture, &motion.unwrap(), 300.0, 3).unwrap();
     let signal = rendered.accelerations_m_s2();
     let model = model_spectrum(&texture.node(1, 0), 5000.0);
     let heard = recorded_spectrum(std::slice::from_ref(&signal)).unwrap();

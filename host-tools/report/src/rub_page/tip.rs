@@ -4,9 +4,8 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use model_format::scene::Biquad;
 use serde::Serialize;
+use stylus_dsp::equaliser::{CALIBRATION_GAIN_DB, Response, design};
 use stylus_plant::{Complex, Plant};
-
-use crate::dsp::equaliser::{CALIBRATION_GAIN_DB, Response, design};
 
 /// Spacing of the response's frequencies, Hz. It gives an impulse response half a second long.
 const STEP_HZ: f64 = 2.0;

@@ -5,11 +5,11 @@ use std::time::SystemTime;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD_NO_PAD;
 use serde_json::{Value, json};
+use stylus_support::{date, progress};
 
 use super::arithmetic_coder::Coder;
 use super::set_partitioning::{HEAD, code};
 use super::{largest, wavelet};
-use crate::support::{date, progress};
 
 /// Rate of the band, Hz. The duration of a block in samples and in milliseconds must both be powers of two, which 5 and
 /// 10 kHz do not allow.

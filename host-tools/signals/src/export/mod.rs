@@ -15,14 +15,14 @@ use std::path::Path;
 
 use model_format::Texture;
 use serde_json::Value;
+use stylus_dsp::spectrum::{BAND_COUNT, BAND_LABELS_HZ, PowerSpectrum, third_octave_hz};
+use stylus_support::float_wav::float_wav;
+use stylus_support::{Error, Result};
+use stylus_support::{atomic_file, progress};
 
-use crate::dsp::spectrum::{BAND_COUNT, BAND_LABELS_HZ, PowerSpectrum, third_octave_hz};
 use crate::playing::motion::MotionPath;
 use crate::playing::render::{Rendered, Rendering};
 use crate::recording::resample;
-use crate::support::error::{Error, Result};
-use crate::support::float_wav::float_wav;
-use crate::support::{atomic_file, progress};
 use envelope::{Envelope, RANGE_HZ};
 
 /// Longest stroke in a file, s. It limits the memory for samples and text to a few hundred megabytes.

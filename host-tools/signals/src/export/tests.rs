@@ -5,9 +5,9 @@ use std::f64::consts::TAU;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD_NO_PAD;
 use serde_json::Value;
+use stylus_dsp::spectrum::{BAND_LABELS_HZ, band_powers};
 
 use super::*;
-use crate::dsp::spectrum::{BAND_LABELS_HZ, band_powers};
 use crate::playing::render::render;
 use crate::playing::render::test_motions::{constant, sweep};
 use test_helpers::{library, near, texture};

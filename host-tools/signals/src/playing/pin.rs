@@ -7,9 +7,9 @@ use model_format::link::{Setting, SettingChange, Settings};
 use model_format::{DacCode, OutputSample, PlayRate, Volt};
 use stylus_app::safety::{Config, OVERSAMPLING, PIN_RATE_HZ, State};
 use stylus_plant::Plant;
+use stylus_support::{Error, Result};
 
 use super::render::{Rendering, write_floats_wav};
-use crate::support::error::{Error, Result};
 
 /// Number of DAC codes per second at the pin.
 pub const RATE_HZ: u32 = PIN_RATE_HZ;

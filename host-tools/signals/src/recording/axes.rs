@@ -1,9 +1,10 @@
 //! The columns of a table that contain accelerations, determined from their names. Loggers also write other quantities:
 //! a gyroscope's axes, a friction coefficient, a temperature, or the magnitude of all axes.
 
+use stylus_support::number::counted;
+
 use super::rate::MAX_CHANNELS;
 use super::unit::{self, Unit};
-use crate::support::number::counted;
 
 /// Words for the magnitude of all axes in a column's name, in lower case.
 const MAGNITUDE_WORDS: [&str; 5] = ["absolute", "abs", "magnitude", "norm", "total"];

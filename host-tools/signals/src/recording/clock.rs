@@ -10,6 +10,9 @@
 use core::f64::consts::FRAC_PI_2;
 use std::ops::Range;
 
+use stylus_support::csv_table::CsvTable;
+use stylus_support::{Error, Result};
+
 use super::defects::{Gap, Timing};
 use super::joined::own_rows;
 use super::order::Order;
@@ -19,8 +22,6 @@ use super::step::{Clock, DIGITS, FEW_LOST, MOST_OF_BUNCH, Missing, bunch, resolu
 use super::time_unit::TimeUnit;
 use super::uneven::{Steps, mean_step};
 use super::unit::Stated;
-use crate::support::csv_table::CsvTable;
-use crate::support::error::{Error, Result};
 
 /// Largest deviation of a rate that was given from that of the times at which they still show gaps.
 const NEAR_RATE: f64 = 0.2;

@@ -1,6 +1,10 @@
 //! Recordings as CSV: one to three columns of samples, and optionally a column of times, which gives the sample rate.
 //! Columns whose names show that they do not contain an axis are left out.
 
+use stylus_support::bounded_file::Format;
+use stylus_support::csv_table::{CsvTable, Header, Row};
+use stylus_support::{Error, Result};
+
 use super::axes::{self, LeftOut};
 use super::clock::{self, TimeFacts};
 use super::kind::remedy;
@@ -10,9 +14,6 @@ use super::time_text;
 use super::time_unit::{TimeColumn, TimeUnit};
 use super::trial::Trial;
 use super::unit::{self, Unscaled};
-use crate::support::bounded_file::Format;
-use crate::support::csv_table::{CsvTable, Header, Row};
-use crate::support::error::{Error, Result};
 
 /// Column of the time of each sample, s.
 const TIME_COLUMN: &str = "time_s";

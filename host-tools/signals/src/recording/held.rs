@@ -1,11 +1,12 @@
 //! Samples of a recording that a program holds in memory, instead of in a file.
 
+use stylus_support::fnv::Fnv;
+use stylus_support::{Error, Result};
+
 use super::defects::Timing;
 use super::rate::{MAX_CHANNELS, SampleRate, length_fault};
 use super::source::{Cut, Source};
 use super::unit::{Stated, Unscaled};
-use crate::support::error::{Error, Result};
-use crate::support::fnv::Fnv;
 
 /// Samples of a recording that was never in a file, at their original rate. A fit treats them like samples from a WAV
 /// file of 64-bit floats.

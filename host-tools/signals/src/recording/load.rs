@@ -3,6 +3,11 @@
 use std::path::Path;
 
 use model_format::SAMPLE_RATE_HZ;
+use stylus_dsp::sums::sum;
+use stylus_support::csv_table::CsvTable;
+use stylus_support::files;
+use stylus_support::number::counted;
+use stylus_support::{Error, Result};
 
 use super::defects::Defects;
 use super::held::HeldSamples;
@@ -13,11 +18,6 @@ use super::rate::{NEAR_WHOLE, counts_before, length_fault};
 use super::source::{Account, Cut, Samples, Source};
 use super::trial::Trial;
 use super::{csv_file, numbers, resample, uneven, wav};
-use crate::dsp::sums::sum;
-use crate::support::csv_table::CsvTable;
-use crate::support::error::{Error, Result};
-use crate::support::files;
-use crate::support::number::counted;
 
 /// Reads the samples of `trial`: one to three axes at [`SAMPLE_RATE_HZ`], in m/s².
 ///
@@ -218,7 +218,7 @@ fn at_model_rate(path: &Path, axes: &[Vec<f64>], rate_hz: f64, model_rate_hz: u3
 mod tests {
     use super::*;
     use crate::recording::{triage, unit};
-    use crate::support::float_wav::float_wav;
+    use stylus_support::float_wav::float_wav;
 
     /// Samples of 2 s at 8 kHz in single precision, on two axes, with a clipped peak.
     fn axes() -> [Vec<f64>; 2] {

@@ -11,11 +11,12 @@ use std::collections::HashMap;
 use std::io::Read;
 use std::path::Path;
 
+use stylus_support::bounded_file::Format;
+use stylus_support::csv_table::{CsvTable, check_length};
+use stylus_support::{Error, Result};
+
 use super::defects::Truncation;
 use super::rate::MAX_CHANNELS;
-use crate::support::bounded_file::Format;
-use crate::support::csv_table::{CsvTable, check_length};
-use crate::support::error::{Error, Result};
 
 /// First words of a file.
 const MAGIC: &str = "LabVIEW Measurement";

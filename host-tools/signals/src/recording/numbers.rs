@@ -1,7 +1,8 @@
 //! Integers that do not mean what they seem: two's complement that was read as unsigned, and converters that wrap.
 
+use stylus_support::number::counted;
+
 use super::unit::Unscaled;
-use crate::support::number::counted;
 
 /// Least number of jumps, least size of a jump, and largest size of a step, as fractions of the span of the numbers.
 /// Steps between them are those of loud samples, of which there may be a quarter as many as of jumps.

@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use regex_lite::{Regex, escape};
+use stylus_support::file_name::portable;
+use stylus_support::files;
+use stylus_support::{Error, Result};
 
 use super::kind::{Kind, remedy};
 use super::set::TRIALS_FILE;
-use crate::support::error::{Error, Result};
-use crate::support::file_name::portable;
-use crate::support::files;
 
 /// A number in a name, such as 50 or 0.35.
 const NUMBER: &str = r"([0-9]+(?:\.[0-9]+)?)";

@@ -6,8 +6,9 @@
 
 use core::f64::consts::PI;
 
+use stylus_dsp::fourier;
+
 use super::rate::RATES_HZ;
-use crate::dsp::fourier;
 
 /// Number of rows from which a spectrum of changes is computed. Clocks that differ by 100 ppm drift by less than a row
 /// in this time.

@@ -4,7 +4,7 @@ use core::f64::consts::TAU;
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use crate::dsp::fourier::{self, Complex};
+use stylus_dsp::fourier::{self, Complex};
 
 /// Approximate length of a block, in samples of the lower rate. The transition band is then a few per cent of the lower
 /// Nyquist frequency.
@@ -134,7 +134,7 @@ fn gcd(a: usize, b: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dsp::sums::rms;
+    use stylus_dsp::sums::rms;
     use test_helpers::largest_factor;
 
     fn sine(frequency_hz: f64, rate_hz: u32, seconds: f64) -> Vec<f64> {

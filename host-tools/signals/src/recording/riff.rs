@@ -6,12 +6,13 @@
 use std::io::{BufReader, Chain, Cursor, Read, Seek, SeekFrom};
 use std::path::Path;
 
+use stylus_support::bounded_file::Format;
+use stylus_support::files::Opened;
+use stylus_support::number::counted;
+use stylus_support::{Error, Result};
+
 use super::rate::MAX_CHANNELS;
 use super::rate::SampleRate;
-use crate::support::bounded_file::Format;
-use crate::support::error::{Error, Result};
-use crate::support::files::Opened;
-use crate::support::number::counted;
 
 /// Longest format chunk, bytes; the extensible format takes 40.
 const MOST_FORMAT_BYTES: u32 = 128;

@@ -11,10 +11,10 @@ use std::str::FromStr;
 
 use model_format::limits::MAX_AXIS_LEN;
 use serde::{Deserialize, Serialize};
+use stylus_support::number::tolerance;
+use stylus_support::{Error, Result};
 
 use super::set::RecordingSet;
-use crate::support::error::{Error, Result};
-use crate::support::number::tolerance;
 
 /// How measured values move to nominal values.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -2,11 +2,11 @@
 
 use model_format::SAMPLE_RATE_HZ;
 use serde::{Deserialize, Serialize};
+use stylus_dsp::high_pass;
 
 use super::defects::{Defects, Timing, Truncation};
 use super::rate::SampleRate;
 use super::unit::{Stated, Unscaled};
-use crate::dsp::high_pass;
 
 /// Part of a file that is used.
 #[derive(Clone, Copy, Debug, PartialEq)]

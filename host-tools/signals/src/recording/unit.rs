@@ -2,9 +2,8 @@
 
 use regex_lite::Regex;
 use serde::{Deserialize, Serialize};
-
-use crate::support::csv_table::comment;
-use crate::support::number::positive;
+use stylus_support::csv_table::comment;
+use stylus_support::number::positive;
 
 /// Kind of samples whose acceleration nothing states.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -3,6 +3,7 @@
 use std::ops::Range;
 use std::path::Path;
 
+use stylus_support::{Error, Result};
 use symphonia::core::audio::Channels;
 use symphonia::core::codecs::audio::{AudioDecoder, AudioDecoderOptions};
 use symphonia::core::errors::Error as WavError;
@@ -17,7 +18,6 @@ use super::rate::{MAX_CHANNELS, MAX_FRAMES, SampleRate, counts_before, length_fa
 use super::riff::{self, Wave};
 use super::source::{Cut, Source};
 use super::unit::{Stated, Unscaled};
-use crate::support::error::{Error, Result};
 
 /// Remark on a file whose header has a length that does not fit it.
 const UNFINISHED: &str = "the lengths in its header do not fit the file, as those of a recorder that was stopped, or \
@@ -156,7 +156,7 @@ fn truncation(declared: u64, frame_bits: u64, file_bytes: u64) -> Option<Truncat
 mod tests {
     use super::*;
     use crate::recording::most_frames;
-    use crate::support::float_wav::float_wav;
+    use stylus_support::float_wav::float_wav;
     use test_helpers::holds;
 
     /// A file with two channels.

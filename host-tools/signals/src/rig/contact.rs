@@ -2,8 +2,9 @@
 
 use std::f64::consts::TAU;
 
+use stylus_dsp::fourier::Complex;
+
 use super::description::Mode;
-use crate::dsp::fourier::Complex;
 
 /// A tip pressed on a surface by a static force.
 #[derive(Debug, Clone, Copy, PartialEq)]

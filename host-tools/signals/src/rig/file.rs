@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use model_format::limits::{MAX_AXIS_LEN, MAX_SAMPLE_RATE_HZ, MAX_TEXTURES};
+use stylus_support::Result;
+use stylus_support::toml_field::{Checked, Field, from_toml};
 
 use super::contact::Contact;
 use super::description::{Measurement, Recording, RigDescription, Roughness, Texture, Weave};
 use super::profile::{highest_roughness_term, highest_weave_term};
-use crate::support::error::Result;
-use crate::support::toml_field::{Checked, Field, from_toml};
 
 /// Name of the copy of the rig file in a set.
 pub(super) const RIG: &str = "rig.toml";
@@ -24,7 +24,7 @@ impl RigFile {
     /// Reads a rig from TOML `text`; `path` is used only in errors.
     ///
     /// # Errors
-    /// [`Error::Line`](crate::support::error::Error::Line), with the line and the field: text that is not TOML, a field
+    /// [`Error::Line`](stylus_support::Error::Line), with the line and the field: text that is not TOML, a field
     /// that is unknown, missing, or of the wrong type, or a value outside its range.
     pub fn from_toml(path: &Path, text: &str) -> Result<Self> {
         let description: RigDescription = from_toml(path, text)?;

@@ -5,10 +5,10 @@ use std::f64::consts::TAU;
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64;
+use stylus_dsp::fourier::Complex;
+use stylus_support::fnv::Fnv;
 
 use super::description::{Hum, Measurement, Noise, Tremor};
-use crate::dsp::fourier::Complex;
-use crate::support::fnv::Fnv;
 
 /// Number of sines that make up a tremor; enough that their sum is nearly Gaussian.
 const TREMOR_SINES: usize = 24;

@@ -4,16 +4,16 @@ use std::fmt;
 use std::path::Path;
 
 use rayon::prelude::*;
+use stylus_support::csv_table::written;
+use stylus_support::float_wav::float_wav;
+use stylus_support::number::counted;
+use stylus_support::output::OutputFolder;
+use stylus_support::{Error, Result};
+use stylus_support::{atomic_file, files, progress};
 
 use super::description::RigDescription;
 use super::file::{RIG, RigFile};
 use super::trial::{Strip, Trial};
-use crate::support::csv_table::written;
-use crate::support::error::{Error, Result};
-use crate::support::float_wav::float_wav;
-use crate::support::number::counted;
-use crate::support::output::OutputFolder;
-use crate::support::{atomic_file, files, progress};
 
 /// Name of the file that states that the set is simulated. It is written before any recording.
 const MARKER: &str = "SIMULATED.txt";

@@ -4,10 +4,10 @@ use std::f64::consts::TAU;
 
 use rand::RngExt;
 use rand_distr::StandardNormal;
+use stylus_dsp::fourier::{self, Complex};
 
 use super::description::{Drum, Jitter, Roughness, Texture, Weave};
 use super::measurement::StreamKey;
-use crate::dsp::fourier::{self, Complex};
 
 /// A profile along the track, as the terms of a Fourier series over the drum's circumference.
 #[derive(Debug, Clone, PartialEq)]

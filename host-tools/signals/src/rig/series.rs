@@ -6,7 +6,7 @@
 
 use std::f64::consts::TAU;
 
-use crate::dsp::fourier::{self, Complex};
+use stylus_dsp::fourier::{self, Complex};
 
 /// Evaluator of series of up to a given number of terms at the points `0, step, 2·step ...`.
 pub(super) struct UniformSampler {

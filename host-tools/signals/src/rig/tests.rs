@@ -7,6 +7,8 @@ use std::fs;
 use std::path::Path;
 
 use rand::RngExt;
+use stylus_dsp::fourier::{self, Complex};
+use stylus_dsp::sums::rms;
 
 use super::contact::Contact;
 use super::description::Mode;
@@ -14,8 +16,6 @@ use super::measurement::StreamKey;
 use super::profile::Profile;
 use super::trial::{Strip, Trial};
 use super::*;
-use crate::dsp::fourier::{self, Complex};
-use crate::dsp::sums::rms;
 use test_helpers::near;
 
 /// Speeds, forces and drum of most rigs in these tests.
@@ -374,7 +374,7 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
         if path.is_dir() {
             let inner = files(&path).into_iter();
             all.extend(inner.map(|(inner, bytes)| (format!("{name}/{inner}"), bytes)));
-        } else if name != crate::support::output::LIST {
+        } else if name != stylus_support::output::LIST {
             all.insert(name, fs::read(&path).unwrap());
         }
     }

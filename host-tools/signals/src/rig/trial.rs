@@ -5,6 +5,7 @@ use std::f64::consts::{PI, TAU};
 use rand::RngExt;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
+use stylus_dsp::fourier::Complex;
 
 use super::contact::{Contact, Response, ToolResponse};
 use super::description::{RigDescription, Texture, Tool, Wander};
@@ -12,7 +13,6 @@ use super::file::RigFile;
 use super::measurement::{self, StreamKey};
 use super::profile::Profile;
 use super::series::UniformSampler;
-use crate::dsp::fourier::Complex;
 
 /// One texture on the drum with one seed: its profile, and for each speed the response that turns the profile into
 /// samples.

@@ -5,12 +5,12 @@ mod scales;
 use std::io::BufRead;
 use std::ops::Range;
 
-use host_tools::link::Device;
-use host_tools::procedures::calibrate::{AtRest, Coil, acceleration_zeros, verify};
-use host_tools::support::error::{Error, Result};
 use model_format::link::{Setting, SettingChange, SettingSet, Settings};
 use scales::{Scales, ScalesReport};
 use serde::Serialize;
+use stylus_link::link::Device;
+use stylus_link::procedures::calibrate::{AtRest, Coil, acceleration_zeros, verify};
+use stylus_support::{Error, Result};
 
 use super::connection::Link;
 use super::response::{Answer, ResponseArguments, ResponseReport};

@@ -2,10 +2,10 @@
 
 use std::time::Duration;
 
-use host_tools::link::discovery;
-use host_tools::link::{Device, LinkAddress, Timeouts};
-use host_tools::support::error::Result;
 use serde::Serialize;
+use stylus_link::link::discovery;
+use stylus_link::link::{Device, LinkAddress, Timeouts};
+use stylus_support::Result;
 
 use crate::cli::input::positive;
 use crate::cli::output::{note, print, print_json};

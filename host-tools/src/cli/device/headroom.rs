@@ -2,12 +2,12 @@
 
 use std::path::PathBuf;
 
-use host_tools::link::Device;
-use host_tools::procedures::response::{Headroom, headroom};
-use host_tools::support::error::Result;
-use host_tools::texture::library::{decode_library, read_library};
 use model_format::Library;
 use serde::Serialize;
+use stylus_fit::texture::library::{decode_library, read_library};
+use stylus_link::link::Device;
+use stylus_link::procedures::response::{Headroom, headroom};
+use stylus_support::Result;
 
 use super::connection::Link;
 use crate::cli::input::warn_of_unknown_levels;

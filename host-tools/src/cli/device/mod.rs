@@ -14,7 +14,7 @@ pub mod update;
 pub mod upload;
 
 use clap::Subcommand;
-use host_tools::support::error::Result;
+use stylus_support::Result;
 
 use self::connection::{DevicesArguments, StopArguments, devices, stop};
 

@@ -3,16 +3,16 @@
 use std::path::PathBuf;
 use std::time::SystemTime;
 
-use host_tools::dsp::equaliser::CALIBRATION_GAIN_DB;
-use host_tools::dsp::response::Bandwidths;
-use host_tools::link::Device;
-use host_tools::procedures::response::{
-    Calibrated, DeviceBench, Failure, Fault, Flatness, Options, Verdict, calibrate, check,
-};
-use host_tools::report::plot::{Caption, Curve, responses};
-use host_tools::support::error::{Error, Result};
 use model_format::link::ResponseChange;
 use serde::Serialize;
+use stylus_dsp::equaliser::CALIBRATION_GAIN_DB;
+use stylus_dsp::response::Bandwidths;
+use stylus_link::link::Device;
+use stylus_link::procedures::response::{
+    Calibrated, DeviceBench, Failure, Fault, Flatness, Options, Verdict, calibrate, check,
+};
+use stylus_report::plot::{Caption, Curve, responses};
+use stylus_support::{Error, Result};
 
 use super::connection::Link;
 use crate::cli::files::Overwrite;
@@ -187,7 +187,7 @@ fn summary(done: &Calibrated) -> String {
     )
 }
 
-fn picture(done: &Calibrated, simulated: bool) -> Result<host_tools::report::plot::Svg> {
+fn picture(done: &Calibrated, simulated: bool) -> Result<stylus_report::plot::Svg> {
     let caption = Caption {
         title: "acceleration of the tip over what is asked for",
         simulated,

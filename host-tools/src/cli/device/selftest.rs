@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
-use host_tools::link::{Device, LinkAddress, LinkError};
-use host_tools::procedures::self_test::record::Record;
-use host_tools::procedures::self_test::{self, Options, Step, Verdict};
-use host_tools::support::error::{Error, Result};
-use host_tools::support::progress;
+use stylus_link::link::{Device, LinkAddress, LinkError};
+use stylus_link::procedures::self_test::record::Record;
+use stylus_link::procedures::self_test::{self, Options, Step, Verdict};
+use stylus_support::progress;
+use stylus_support::{Error, Result};
 
 use super::connection::Link;
 use super::slots::Slot;

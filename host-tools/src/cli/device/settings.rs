@@ -3,10 +3,10 @@
 use std::io::{BufRead, IsTerminal, Write};
 
 use clap::Subcommand;
-use host_tools::link::Device;
-use host_tools::link::settings::{self as described, Known, SettingOrigin, SettingRow, consequences};
-use host_tools::support::error::{Error, Result};
 use model_format::link::{SettingSet, Settings, SettingsChange, SettingsError, SettingsState};
+use stylus_link::link::Device;
+use stylus_link::link::settings::{self as described, Known, SettingOrigin, SettingRow, consequences};
+use stylus_support::{Error, Result};
 
 use super::connection::Link;
 use super::status::settings as remarks;

@@ -1,11 +1,11 @@
 //! `stylus slots`: the libraries in the stylus, and which of them is active.
 
-use host_tools::link::Device;
-use host_tools::link::{SlotContent, TextureEntry};
-use host_tools::support::error::{Error, Result};
-use host_tools::support::number::counted;
 use model_format::link::{SceneInfo, SlotId, SlotState};
 use serde::Serialize;
+use stylus_link::link::Device;
+use stylus_link::link::{SlotContent, TextureEntry};
+use stylus_support::number::counted;
+use stylus_support::{Error, Result};
 
 use super::connection::Link;
 use crate::cli::output::{print, print_json};

@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use host_tools::link::update::{Step, UpdateFile, update};
-use host_tools::support::error::Result;
-use host_tools::support::progress;
+use stylus_link::link::update::{Step, UpdateFile, update};
+use stylus_support::Result;
+use stylus_support::progress;
 
 use super::connection::Link;
 use crate::cli::output::{note, print, print_json, warn};

@@ -2,16 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
-use host_tools::link::upload::{Uploaded, upload_over};
-use host_tools::support::error::Result;
-use host_tools::support::number::counted;
-use host_tools::support::progress;
 use model_format::link::UploadState;
 use serde::Serialize;
+use stylus_link::link::upload::{Uploaded, upload_over};
+use stylus_support::Result;
+use stylus_support::number::counted;
+use stylus_support::progress;
 
 use super::connection::Link;
 use crate::cli::output::{note, print, print_json, warn};
-use host_tools::texture::library::{decode_library, read_library};
+use stylus_fit::texture::library::{decode_library, read_library};
 
 #[derive(clap::Args)]
 #[expect(clippy::struct_excessive_bools, reason = "each is a flag of the command line")]

@@ -5,14 +5,14 @@ mod report;
 mod strokes;
 
 use clap::ArgGroup;
-use host_tools::fit::record::{FitRecord, FoundLines};
-use host_tools::fit::{self, Fit};
-use host_tools::recording::{RecordingSet, Snap};
-use host_tools::support::error::{Error, Result};
-use host_tools::support::number::counted;
-use host_tools::support::progress;
-use host_tools::texture::summary::TextureSummary;
 use std::path::{Path, PathBuf};
+use stylus_fit::fit::record::{FitRecord, FoundLines};
+use stylus_fit::fit::{self, Fit};
+use stylus_fit::texture::summary::TextureSummary;
+use stylus_signals::recording::{RecordingSet, Snap};
+use stylus_support::number::counted;
+use stylus_support::progress;
+use stylus_support::{Error, Result};
 
 use model_format::limits::MAX_TEXTURES;
 use parts::LargeSet;
@@ -24,7 +24,7 @@ use crate::cli::files::Overwrite;
 use crate::cli::input::{Recordings, tell_nominal_motion};
 use crate::cli::inspect::texture_table;
 use crate::cli::output::{note, print, print_json};
-use host_tools::texture::library::decode_library;
+use stylus_fit::texture::library::decode_library;
 
 #[derive(clap::Args)]
 #[command(group = ArgGroup::new("of trials").args(["snap"]).conflicts_with("strokes"))]

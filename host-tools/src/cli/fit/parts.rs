@@ -3,15 +3,15 @@
 
 use std::path::{Path, PathBuf};
 
-use host_tools::fit::parts::{Mapped, Merged, Shard, map};
-use host_tools::fit::record::FitRecord;
-use host_tools::fit::{self, Fit, TrialReport};
-use host_tools::recording::RecordingSet;
-use host_tools::support::error::{Error, Result};
-use host_tools::support::file_name::Stems;
-use host_tools::support::number::counted;
-use host_tools::support::progress;
-use host_tools::support::warning::Warning;
+use stylus_fit::fit::parts::{Mapped, Merged, Shard, map};
+use stylus_fit::fit::record::FitRecord;
+use stylus_fit::fit::{self, Fit, TrialReport};
+use stylus_signals::recording::RecordingSet;
+use stylus_support::file_name::Stems;
+use stylus_support::number::counted;
+use stylus_support::progress;
+use stylus_support::warning::Warning;
+use stylus_support::{Error, Result};
 
 use crate::cli::files::check_in_growing_folder;
 use crate::cli::output::{print, print_json, warn_of};

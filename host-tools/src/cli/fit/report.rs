@@ -1,13 +1,13 @@
 //! The report of `stylus fit`, as JSON and as text.
 
-use host_tools::dsp::spectrum::band_centre_hz;
-use host_tools::fit::excitation::{CodebookReport, ExcitationReport};
-use host_tools::fit::record::FoundLines;
-use host_tools::fit::{Fit, TrialReport, by_speed};
-use host_tools::support::number::counted;
-use host_tools::support::warning::Warning;
-use host_tools::texture::summary::TextureSummary;
 use model_format::SAMPLE_RATE_HZ;
+use stylus_dsp::spectrum::band_centre_hz;
+use stylus_fit::fit::excitation::{CodebookReport, ExcitationReport};
+use stylus_fit::fit::record::FoundLines;
+use stylus_fit::fit::{Fit, TrialReport, by_speed};
+use stylus_fit::texture::summary::TextureSummary;
+use stylus_support::number::counted;
+use stylus_support::warning::Warning;
 
 use crate::cli::output::{is_full, warn_of};
 use crate::cli::table::table;

@@ -2,12 +2,12 @@
 
 use std::path::PathBuf;
 
-use host_tools::fit::record::FitRecord;
-use host_tools::fit::{Fit, Options, fit_strokes};
-use host_tools::recording::freehand::{self, Freehand};
-use host_tools::recording::{Assumed, texture_fault};
-use host_tools::support::error::{Error, Result};
-use host_tools::support::progress;
+use stylus_fit::fit::record::FitRecord;
+use stylus_fit::fit::{Fit, Options, fit_strokes};
+use stylus_signals::recording::freehand::{self, Freehand};
+use stylus_signals::recording::{Assumed, texture_fault};
+use stylus_support::progress;
+use stylus_support::{Error, Result};
 
 use crate::cli::input::texture_name;
 use crate::cli::output::warn;

@@ -1,15 +1,15 @@
 //! `stylus scene check`
 
-use host_tools::scene::{CompiledScene, CostReport, Situation};
-use host_tools::support::error::{Error, Result};
-use host_tools::support::number::counted;
 use model_format::scene::MotionOfScene;
+use stylus_fit::scene::{CompiledScene, CostReport, Situation};
 use stylus_kernel::scene::cost;
+use stylus_support::number::counted;
+use stylus_support::{Error, Result};
 
 use super::render::Source;
 use crate::cli::output::{print, print_json};
 use crate::cli::table::table;
-use host_tools::texture::library::{decode_library, read_library};
+use stylus_fit::texture::library::{decode_library, read_library};
 
 #[derive(clap::Args)]
 pub struct Arguments {

@@ -2,18 +2,18 @@
 
 use std::path::PathBuf;
 
-use host_tools::scene::{CostReport, SceneFile, with_scenes};
-use host_tools::support::atomic_file;
-use host_tools::support::error::{Error, Result};
-use host_tools::support::number::counted;
 use model_format::Library;
 use model_format::scene::Scene;
+use stylus_fit::scene::{CostReport, SceneFile, with_scenes};
 use stylus_kernel::scene::cost;
+use stylus_support::atomic_file;
+use stylus_support::number::counted;
+use stylus_support::{Error, Result};
 
 use super::check::headline;
 use crate::cli::files::Overwrite;
 use crate::cli::output::{print, warn};
-use host_tools::texture::library::{decode_library, read_library};
+use stylus_fit::texture::library::{decode_library, read_library};
 
 #[derive(clap::Args)]
 pub struct Arguments {

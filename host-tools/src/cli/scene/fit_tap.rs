@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use host_tools::dsp::reduction::Reduction;
-use host_tools::recording::scale;
-use host_tools::scene::tap::{TapFit, Taps};
-use host_tools::support::error::{Error, Result};
+use stylus_dsp::reduction::Reduction;
+use stylus_fit::scene::tap::{TapFit, Taps};
+use stylus_signals::recording::scale;
+use stylus_support::{Error, Result};
 
 use crate::cli::input::positive;
 use crate::cli::output::{print, print_json, warn};

@@ -6,7 +6,7 @@ mod fit_tap;
 mod render;
 
 use clap::Subcommand;
-use host_tools::support::error::Result;
+use stylus_support::Result;
 
 #[derive(clap::Args)]
 pub struct Arguments {

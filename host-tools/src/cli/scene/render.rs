@@ -2,12 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use host_tools::playing::render::Rendering;
-use host_tools::scene::{CompiledScene, SceneFile, scene_named};
-use host_tools::support::error::{Error, Result};
-use host_tools::texture::library::{decode_library, read_library};
 use model_format::Library;
 use model_format::scene::MotionOfScene;
+use stylus_fit::scene::{CompiledScene, SceneFile, scene_named};
+use stylus_fit::texture::library::{decode_library, read_library};
+use stylus_signals::playing::render::Rendering;
+use stylus_support::{Error, Result};
 
 use crate::cli::files::RenderedFile;
 use crate::cli::input::Along;

@@ -32,7 +32,7 @@ pub fn judge(input: &[u8]) {
     }
 }
 
-fn motion(path: &Path, table: &[u8]) -> host_tools::support::error::Result<()> {
+fn motion(path: &Path, table: &[u8]) -> host_tools::support::Result<()> {
     let motion = MotionPath::from_csv(path)?;
     let end_s = motion.duration_s();
     for share in [-1.0, 0.0, 0.25, 0.5, 1.0, 2.0] {
@@ -69,7 +69,7 @@ fn check_hand(hand: &freehand::Freehand) {
     );
 }
 
-fn planned(path: &Path) -> host_tools::support::error::Result<()> {
+fn planned(path: &Path) -> host_tools::support::Result<()> {
     let trials = PlannedTrial::from_csv(path, Some("given"))?;
     let mut text = String::from("speed_mm_s;force_n;texture\n");
     for trial in &trials {

@@ -15,15 +15,15 @@ use model_format::{
     encode, limits,
 };
 use rayon::prelude::*;
+use stylus_dsp::fourier::{self, Complex};
+use stylus_dsp::linear_prediction::error_share;
+use stylus_dsp::sums::mean_square;
 use stylus_kernel::Motion;
 use stylus_kernel::feed::{FED_FRACTION_BITS, Feed, Material};
 use stylus_kernel::grid::GridPoint;
 
 use super::loudness::{Loudest, Ringing, product};
 use super::trace::Trace;
-use crate::dsp::fourier::{self, Complex};
-use crate::dsp::linear_prediction::error_share;
-use crate::dsp::sums::mean_square;
 
 /// The loudest windows of a few seconds of steady white noise. No noise-like signal has calmer ones.
 const STEADY: Loudest = Loudest([2.1, 1.5, 1.15]);

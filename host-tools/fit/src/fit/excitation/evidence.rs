@@ -15,11 +15,10 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
-
-use crate::dsp::fourier::{self, Complex};
-use crate::dsp::linear_prediction::step_up;
-use crate::dsp::sums::mean_square;
-use crate::support::fnv::Fnv;
+use stylus_dsp::fourier::{self, Complex};
+use stylus_dsp::linear_prediction::step_up;
+use stylus_dsp::sums::mean_square;
+use stylus_support::fnv::Fnv;
 
 /// Least magnitude of a score that is significant. Of Gaussian trials of 0.5 s and more, at most 2 in 100 reach it.
 const SIGNIFICANT: f64 = 3.5;

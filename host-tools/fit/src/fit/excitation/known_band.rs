@@ -8,10 +8,9 @@ use std::ops::Range;
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
+use stylus_dsp::fourier::{self, Complex};
 
 use model_format::SAMPLE_RATE_HZ;
-
-use crate::dsp::fourier::{self, Complex};
 
 /// Samples at both ends in which the conversion's filter rings: 20 ms.
 pub(super) const ENDS: usize = 100;

@@ -9,10 +9,11 @@
 
 use std::ops::Range;
 
+use stylus_dsp::fourier::{self, Complex};
+use stylus_dsp::linear_prediction::{error_share, step_up};
+use stylus_dsp::sums::{dot, mean_square, sliding};
+
 use super::power::local_rms;
-use crate::dsp::fourier::{self, Complex};
-use crate::dsp::linear_prediction::{error_share, step_up};
-use crate::dsp::sums::{dot, mean_square, sliding};
 
 /// Number of samples in a millisecond.
 const MILLISECOND: usize = model_format::SAMPLE_RATE_HZ as usize / 1000;

@@ -4,12 +4,12 @@
 use model_format::{Library, MillimetresPerSecond, Newton, SAMPLE_RATE_HZ, TextureSpec, encode};
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
+use stylus_signals::playing::motion::MotionPath;
+use stylus_signals::playing::render::render;
 
 use super::bound;
 use super::tests::{bursting, chosen, filtered, fitted_to, forced, impulsive, node_of, swelling, trace, written};
 use crate::fit::options::{ExcitationChoice, Options};
-use crate::playing::motion::MotionPath;
-use crate::playing::render::render;
 use test_helpers::{holds, noise};
 
 /// Largest allowed ratio of a synthesis's loudest windows to the recordings'.

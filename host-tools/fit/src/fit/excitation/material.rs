@@ -3,11 +3,11 @@
 use std::borrow::Cow;
 
 use rayon::prelude::*;
+use stylus_dsp::sums::mean_square;
 
 use super::bound::limited;
 use super::loudness::Loudest;
 use super::trace::Trace;
-use crate::dsp::sums::mean_square;
 
 /// Length of a stretch, samples: 0.2 s.
 pub(super) const STRETCH_SAMPLES: usize = 1000;

@@ -35,14 +35,14 @@ mod trace;
 
 use model_format::NodeSpec;
 use rayon::prelude::*;
+use stylus_dsp::sums::dot;
+use stylus_support::warning::Warning;
 
 use super::blocks::Part;
 use super::grid::place;
 use super::options::{ExcitationChoice, Options};
 use super::recordings::Take;
 use super::reports::TrialReport;
-use crate::dsp::sums::dot;
-use crate::support::warning::Warning;
 
 pub(super) use bound::Excess;
 pub use evidence::Evidence;

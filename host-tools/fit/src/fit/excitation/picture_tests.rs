@@ -4,15 +4,15 @@
 use std::path::Path;
 
 use model_format::SAMPLE_RATE_HZ;
+use stylus_dsp::fourier;
+use stylus_dsp::reduction::{Reduction, reduce};
+use stylus_dsp::sums::mean_square;
+use stylus_signals::recording::{RecordingSet, read};
+use stylus_signals::rig::{RigFile, simulate_to_folder};
 
 use super::loudness_tests::synthesis;
 use super::tests::fitted_to;
-use crate::dsp::fourier;
-use crate::dsp::reduction::{Reduction, reduce};
-use crate::dsp::sums::mean_square;
 use crate::fit::options::Options;
-use crate::recording::{RecordingSet, read};
-use crate::rig::{RigFile, simulate_to_folder};
 
 /// Third octaves from 63 Hz to 1 kHz.
 const BANDS: std::ops::RangeInclusive<i32> = 18..=30;

@@ -1,6 +1,6 @@
 //! Power of a residual: overall, and around each sample.
 
-use crate::dsp::sums::{mean_square, sliding};
+use stylus_dsp::sums::{mean_square, sliding};
 
 /// Least power of a residual's level, relative to its mean power: -50 dB, so that nothing is divided by zero.
 const LEAST_POWER: f64 = 1e-5;

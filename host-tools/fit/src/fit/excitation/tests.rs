@@ -4,41 +4,32 @@ use std::path::Path;
 
 use model_format::{Library, MillimetresPerSecond, Newton, NodeSpec, SAMPLE_RATE_HZ, limits};
 use proptest::prelude::*;
+use stylus_dsp::autocorrelation::Autocorrelation;
+use stylus_dsp::linear_prediction::{Prediction, corrected};
+use stylus_dsp::model::Model;
+use stylus_dsp::sums::mean_square;
+use stylus_signals::playing::motion::MotionPath;
+use stylus_signals::playing::render::render;
+use stylus_signals::recording::{RecordingSet, Trial, resample};
+use stylus_support::float_wav::float_wav;
 
 use super::evidence::Evidence;
 use super::texture::{Axes, Choice, Chosen};
 use super::trace::Trace;
-use crate::dsp::autocorrelation::Autocorrelation;
-use crate::dsp::linear_prediction::{Prediction, corrected};
-use crate::dsp::model::Model;
-use crate::dsp::sums::mean_square;
 use crate::fit::excitation::texture::ExcitationReport;
 use crate::fit::options::{ExcitationChoice, Options, Order};
 use crate::fit::trial::Signal;
 use crate::fit::{Fit, fit};
-use crate::playing::motion::MotionPath;
-use crate::playing::render::render;
-use crate::recording::{RecordingSet, Trial, resample};
 use crate::scene::with_scenes;
-use crate::support::float_wav::float_wav;
 use crate::texture::grid::Grid;
 use crate::texture::quantise::nodes;
-use test_helpers::{near, noise};
+use test_helpers::{near, noise, resonant};
 
 /// Returns `excitation` filtered to the power spectrum of a surface, with an RMS of 1: two resonances, one of them
 /// narrow.
 pub(super) fn filtered(excitation: &[f64], hz: f64) -> Vec<f64> {
-    let resonator = |input: &[f64], hz: f64, radius: f64| -> Vec<f64> {
-        let angle = std::f64::consts::TAU * hz / f64::from(SAMPLE_RATE_HZ);
-        let (mut last, mut before) = (0.0, 0.0);
-        let step = |x: &f64| {
-            let y = x + 2.0 * radius * angle.cos() * last - radius * radius * before;
-            (before, last) = (last, y);
-            y
-        };
-        input.iter().map(step).collect()
-    };
-    let signal = resonator(&resonator(excitation, hz, 0.9), 3.0 * hz, 0.98);
+    let angle = std::f64::consts::TAU * hz / f64::from(SAMPLE_RATE_HZ);
+    let signal = resonant(resonant(excitation.iter().copied(), angle, 0.9), 3.0 * angle, 0.98);
     let rms = mean_square(&signal).sqrt();
     signal.iter().map(|x| x / rms).collect()
 }

@@ -2,9 +2,10 @@
 
 use std::ops::Range;
 
-use crate::support::number::counted;
 use model_format::{BLOCK_BYTES, BLOCK_SAMPLES, ExcitationSpec, PartsSpec, SAMPLE_RATE_HZ, limits};
 use serde::{Deserialize, Serialize};
+use stylus_support::number::counted;
+use stylus_support::warning::Warning;
 
 use super::bound::{self, Excess, Reach};
 use super::codebook::{Coded, coded};
@@ -13,7 +14,6 @@ use super::material::{LEAST_STRETCHES, MOST_STRETCHES, STRETCH_SAMPLES, choose};
 use super::regions::by_speed;
 use super::trace::Trace;
 use crate::fit::options::{ExcitationChoice, Options};
-use crate::support::warning::Warning;
 
 /// Upper bound of the bytes of the part in addition to its codes and nodes, and of a codebook in addition to its codes.
 const HEADER_BYTES: usize = 16;

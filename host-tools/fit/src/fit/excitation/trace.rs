@@ -4,17 +4,17 @@ use std::fmt;
 use std::ops::Range;
 
 use model_format::{CodeSpec, SAMPLE_RATE_HZ};
+use stylus_dsp::high_pass::lowest_hz;
+use stylus_dsp::linear_prediction::step_up;
+use stylus_dsp::sums::{mean_square, sliding};
+use stylus_signals::recording::triage::{Kind, Verdict};
 
 use super::evidence::Evidence;
 use super::known_band::{ENDS, filled};
 use super::loudness::{Loudest, Ringing, product};
-use crate::dsp::high_pass::lowest_hz;
-use crate::dsp::linear_prediction::step_up;
-use crate::dsp::sums::{mean_square, sliding};
 use crate::fit::blocks::Blocks;
 use crate::fit::estimate::carried_hz;
 use crate::fit::trial::Signal;
-use crate::recording::triage::{Kind, Verdict};
 use crate::texture::quantise::stored_reflection;
 
 /// Power of a residual relative to the signal's below which the residual is round-off.
@@ -212,7 +212,7 @@ mod tests {
     /// The residual of a model's output for an excitation is that excitation.
     #[test]
     fn the_residual_of_a_synthesis_is_its_excitation() {
-        let model = crate::dsp::model::Model::new(vec![-0.7, 0.5, -0.3], 1.0);
+        let model = stylus_dsp::model::Model::new(vec![-0.7, 0.5, -0.3], 1.0);
         let grid = Grid::new(vec![100.0], vec![1.0], vec![model]);
         let node = nodes("test", &grid).unwrap().remove(0);
         let a = step_up(&stored_reflection(&node.codes));

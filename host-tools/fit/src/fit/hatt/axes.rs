@@ -11,13 +11,13 @@
 
 use model_format::limits;
 use rayon::prelude::*;
+use stylus_dsp::fourier::Complex;
+use stylus_dsp::linear_prediction::error_share;
+use stylus_dsp::model::Model;
+use stylus_dsp::spectrum::band_edges_hz;
 
 use super::between::{self, density, stage};
 use super::toolkit::Toolkit;
-use crate::dsp::fourier::Complex;
-use crate::dsp::linear_prediction::error_share;
-use crate::dsp::model::Model;
-use crate::dsp::spectrum::band_edges_hz;
 
 /// Positions within a triangle, as the weights of its corners: the rule of three points that is exact for quadratic
 /// functions (Strang and Fix, 1973).

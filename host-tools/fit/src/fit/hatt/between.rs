@@ -3,15 +3,15 @@
 use std::f64::consts::PI;
 
 use model_format::NodeFlags;
+use stylus_dsp::fourier::Complex;
+use stylus_dsp::line_spectral_frequencies as line_spectrum;
+use stylus_dsp::linear_prediction::error_share;
+use stylus_dsp::log_spectrum::{BINS, LogSpectrum};
+use stylus_dsp::model::Model;
+use stylus_dsp::spectrum::band_edges_hz;
+use stylus_dsp::wide;
 
 use super::toolkit::{ArmaModel, Timbre, Toolkit};
-use crate::dsp::fourier::Complex;
-use crate::dsp::line_spectral_frequencies as line_spectrum;
-use crate::dsp::linear_prediction::error_share;
-use crate::dsp::log_spectrum::{BINS, LogSpectrum};
-use crate::dsp::model::Model;
-use crate::dsp::spectrum::band_edges_hz;
-use crate::dsp::wide;
 
 /// Slope of the spectrum above the band of the models.
 pub const ROLL_OFF_DB_PER_OCTAVE: f64 = 48.0;
@@ -300,9 +300,9 @@ mod tests {
     use super::super::fixture;
     use super::super::read::read;
     use super::*;
-    use crate::dsp::log_spectrum::STEP_HZ;
     use model_format::{PlayRate, SAMPLE_RATE_HZ};
     use std::path::Path;
+    use stylus_dsp::log_spectrum::STEP_HZ;
     use test_helpers::near;
 
     fn toolkit() -> Toolkit {

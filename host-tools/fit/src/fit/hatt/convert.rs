@@ -11,17 +11,17 @@ use model_format::{
 };
 use rayon::prelude::*;
 use serde::Serialize;
+use stylus_dsp::fourier;
+use stylus_dsp::spectrum::{AMPLITUDE_JND_DB, BAND_LABELS_HZ, band_edges_hz};
 use stylus_kernel::arithmetic::Portable;
 use stylus_kernel::excitation;
 use stylus_kernel::grid::{GridPoint, Motion};
 use stylus_kernel::lattice::{LatticeFrame, LatticeState};
+use stylus_support::{Error, Result};
 
 use super::axes::{Candidates, Chosen, MOST_BANDS, choose};
 use super::between;
 use super::toolkit::Toolkit;
-use crate::dsp::fourier;
-use crate::dsp::spectrum::{AMPLITUDE_JND_DB, BAND_LABELS_HZ, band_edges_hz};
-use crate::support::error::{Error, Result};
 use crate::texture::grid::Grid;
 use crate::texture::library::texture_spec;
 use crate::texture::quantise::coarse;

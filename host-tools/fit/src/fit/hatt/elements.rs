@@ -3,8 +3,7 @@
 use std::path::Path;
 
 use roxmltree::{Document, Node, ParsingOptions};
-
-use crate::support::error::{Error, Result};
+use stylus_support::{Error, Result};
 
 /// Largest number of attributes of an element, and most declarations of namespaces in a file, because the parser
 /// compares each with all others.

@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 use model_format::{PlayRate, SAMPLE_RATE_HZ, TextureSpec, limits};
 use rayon::prelude::*;
 use serde::Serialize;
+use stylus_support::bounded_file::Format;
+use stylus_support::{Error, Result};
 
 use super::axes::{Bounds, Candidates};
 use super::convert::{Converted, ConvertedNode, PlaceError, convert};
@@ -13,8 +15,6 @@ use super::read::read;
 use super::toolkit::Toolkit;
 use crate::fit::encoded;
 use crate::fit::options::play_rate;
-use crate::support::bounded_file::Format;
-use crate::support::error::{Error, Result};
 
 /// Upper bounds of the bytes of a library without its textures, and of a texture without its name, axes and nodes.
 const LIBRARY_BYTES: usize = 32;

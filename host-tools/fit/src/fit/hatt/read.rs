@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use model_format::PlayRate;
+use stylus_signals::recording::RATES_HZ;
+use stylus_support::{Error, Result};
 
 use super::elements::{self, File};
 use super::toolkit::{ArmaModel, Toolkit, found};
-use crate::recording::RATES_HZ;
-use crate::support::error::{Error, Result};
 
 /// Largest number of models of a file. The published files have some hundred. The choice of a grid visits all of them
 /// for each position.

@@ -5,13 +5,13 @@ use std::path::Path;
 
 use model_format::{PlayRate, SAMPLE_RATE_HZ};
 use roxmltree::Node;
+use stylus_dsp::line_spectral_frequencies as line_spectrum;
+use stylus_dsp::linear_prediction::step_down;
+use stylus_dsp::log_spectrum::STEP_HZ;
+use stylus_dsp::spectrum::band_edges_hz;
+use stylus_support::{Error, Result};
 
 use super::elements::File;
-use crate::dsp::line_spectral_frequencies as line_spectrum;
-use crate::dsp::linear_prediction::step_down;
-use crate::dsp::log_spectrum::STEP_HZ;
-use crate::dsp::spectrum::band_edges_hz;
-use crate::support::error::{Error, Result};
 
 /// A file's models.
 #[derive(Clone, Debug, PartialEq)]
@@ -81,7 +81,7 @@ impl Toolkit {
     }
 
     /// Returns the third octaves from 20 Hz to [`Self::highest_hz`], numbered like
-    /// [`BAND_LABELS_HZ`](crate::dsp::spectrum::BAND_LABELS_HZ) and beyond.
+    /// [`BAND_LABELS_HZ`](stylus_dsp::spectrum::BAND_LABELS_HZ) and beyond.
     pub(super) fn bands(&self) -> impl Iterator<Item = usize> + use<> {
         let highest_hz = self.highest_hz();
         (0..).take_while(move |&band| band_edges_hz(band).1 <= highest_hz)

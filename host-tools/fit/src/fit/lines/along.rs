@@ -13,19 +13,17 @@ use std::ops::Range;
 
 use model_format::{SAMPLE_RATE_HZ, limits};
 use rayon::prelude::*;
+use stylus_dsp::fourier::Complex;
+use stylus_dsp::motion_law::{LevelAt, MotionLaw};
+use stylus_dsp::sums::{mean, range_of, rms};
+use stylus_signals::recording::freehand::{LEAST_FORCE_N, LEAST_SPEED_MM_S};
 
 use super::findings::{Findings, Line, NoLines};
-use super::peaks::tells_lines;
-use super::search::{HIGHEST_HZ, LEAST_SPEED_RATIO, LOWEST_HZ};
-use super::separate::{
-    Followed, Known, Measures, WANDERING_OVER_NARROW, measures, narrow, range_of, relative_phase, told_apart,
-};
+use super::peaks::{HIGHEST_HZ, LOWEST_HZ, tells_lines};
+use super::search::LEAST_SPEED_RATIO;
+use super::separate::{Followed, Known, Measures, WANDERING_OVER_NARROW, measures, narrow, relative_phase, told_apart};
 use super::track::{amplitudes, at_even_places, interpolated, subtract, wave_at};
 use super::wander::{Weave, find};
-use crate::dsp::fourier::Complex;
-use crate::dsp::motion_law::{LevelAt, MotionLaw};
-use crate::dsp::sums::{mean, rms};
-use crate::recording::freehand::{LEAST_FORCE_N, LEAST_SPEED_MM_S};
 
 const RATE_HZ: f64 = SAMPLE_RATE_HZ as f64;
 
@@ -96,9 +94,7 @@ fn sought(pieces: &[Piece<'_>]) -> Result<(Findings, Vec<Separated>), Findings> 
         ..Findings::default()
     };
     let speeds_mm_s: Vec<f64> = pieces.iter().map(|piece| piece.speed_mm_s).collect();
-    let (slowest, fastest) = (speeds_mm_s.iter()).fold((f64::INFINITY, 0.0f64), |(low, high), speed| {
-        (low.min(*speed), high.max(*speed))
-    });
+    let (slowest, fastest) = range_of(speeds_mm_s.iter().copied());
     if pieces.is_empty() {
         return Err(none(Vec::new(), NoLines::NothingSearched));
     }

@@ -15,10 +15,9 @@
 use std::f64::consts::TAU;
 
 use model_format::SAMPLE_RATE_HZ;
+use stylus_dsp::fourier::{self, Complex};
 
-use super::peaks::tells_lines;
-use super::search::{HIGHEST_HZ, LOWEST_HZ};
-use crate::dsp::fourier::{self, Complex};
+use super::peaks::{HIGHEST_HZ, LOWEST_HZ, tells_lines};
 
 /// Widths of the Gaussian kernels that smooth a spectrum to find bands in it, Hz: standard deviations.
 const WIDTHS_HZ: [f64; 4] = [1.0, 3.0, 9.0, 24.0];

@@ -1,7 +1,7 @@
 //! The lines of a texture and of its trials, and the reasons for finding none.
 
-use crate::support::number::counted;
 use std::fmt;
+use stylus_support::number::counted;
 
 use model_format::limits::{MAX_LINE_AMPLITUDE, MAX_WAVELENGTH_MM, MIN_WAVELENGTH_MM};
 use model_format::{LineSpec, LinesSpec, Wander};

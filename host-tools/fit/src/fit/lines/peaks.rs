@@ -11,9 +11,12 @@ use std::f64::consts::{LN_2, TAU};
 use std::rc::Rc;
 
 use model_format::SAMPLE_RATE_HZ;
+use stylus_dsp::fourier::{self, Complex};
+use stylus_dsp::sums::upper_median;
 
-use crate::dsp::fourier::{self, Complex};
-use crate::dsp::sums::upper_median;
+/// Range of lines' frequencies, Hz: from above the hand's motion to where the device fades lines out.
+pub(super) const LOWEST_HZ: f64 = 12.0;
+pub(super) const HIGHEST_HZ: f64 = 2200.0;
 
 /// Cells left out on each side of a peak: the main lobe of the window, and its skirt.
 const GUARD_CELLS: f64 = 3.0;
@@ -94,10 +97,10 @@ impl LineSpectrum {
         })
     }
 
-    /// Peaks from `lowest_hz` to `highest_hz` that stand out.
-    pub(super) fn peaks(&self, lowest_hz: f64, highest_hz: f64) -> Vec<Peak> {
-        let first = ((lowest_hz / self.step_hz).ceil() as usize).max(1);
-        let last = ((highest_hz / self.step_hz) as usize).min(self.power.len() - 2);
+    /// Peaks that stand out, from [`LOWEST_HZ`] to [`HIGHEST_HZ`].
+    pub(super) fn peaks(&self) -> Vec<Peak> {
+        let first = ((LOWEST_HZ / self.step_hz).ceil() as usize).max(1);
+        let last = ((HIGHEST_HZ / self.step_hz) as usize).min(self.power.len() - 2);
         (first..=last)
             .filter(|&bin| self.power[bin] > self.power[bin - 1] && self.power[bin] >= self.power[bin + 1])
             .filter(|&bin| self.may_stand_out(bin))

@@ -21,20 +21,17 @@ use std::borrow::Cow;
 use std::ops::ControlFlow;
 
 use model_format::SAMPLE_RATE_HZ;
+use model_format::limits::MAX_LINES;
+use stylus_dsp::sums::upper_median;
 
-use super::peaks::{LineSpectrum, Peak};
+use super::peaks::{HIGHEST_HZ, LOWEST_HZ, LineSpectrum, Peak};
 use super::track::{amplitudes, at_even_places, followed, refined, steady, subtract, wave};
-use crate::dsp::sums::upper_median;
 
 /// Probability of finding any line in a texture that has none.
 pub(super) const LEVEL: f64 = 1e-3;
 
 /// Searches of each texture, with different assumed errors of the listed speeds. They share the level.
 const SEARCHES: f64 = 2.0;
-
-/// Range of lines' frequencies, Hz: from above the hand's motion to where the device fades lines out.
-pub(super) const LOWEST_HZ: f64 = 12.0;
-pub(super) const HIGHEST_HZ: f64 = 2200.0;
 
 /// Error of a peak's frequency due to noise, cells.
 const PLACE_CELLS: f64 = 1.0;
@@ -75,7 +72,7 @@ impl<'s> SearchedTrial<'s> {
             speed_mm_s,
             speed_ratio: None,
             signal: Cow::Borrowed(signal),
-            peaks: spectrum.peaks(LOWEST_HZ, HIGHEST_HZ),
+            peaks: spectrum.peaks(),
             cell_hz: spectrum.cell_hz,
             floor: spectrum.floor,
         })
@@ -85,7 +82,7 @@ impl<'s> SearchedTrial<'s> {
         let spectrum = LineSpectrum::of(&self.signal);
         self.peaks = spectrum.map_or_else(Vec::new, |mut spectrum| {
             spectrum.floor = spectrum.floor.max(self.floor);
-            spectrum.peaks(LOWEST_HZ, HIGHEST_HZ)
+            spectrum.peaks()
         });
     }
 
@@ -191,16 +188,14 @@ pub(super) struct Search<'s> {
     pub trials: Vec<SearchedTrial<'s>>,
     /// Relative error of a listed speed.
     pub speed_tolerance: f64,
-    /// Number of lines after which the search ends.
-    pub most_lines: usize,
 }
 
 impl Search<'_> {
-    /// Finds lines until nothing more stands out.
+    /// Finds lines until nothing more stands out, or a texture can hold no more.
     pub(super) fn run(mut self) -> Outcome {
         let mut outcome = Outcome::default();
         for _ in 0..MOST_REMOVED {
-            if self.step(&mut outcome).is_break() || outcome.lines.len() == self.most_lines {
+            if self.step(&mut outcome).is_break() || outcome.lines.len() == MAX_LINES {
                 break;
             }
         }

@@ -6,14 +6,14 @@ use std::ops::Range;
 
 use model_format::{SAMPLE_RATE_HZ, Wander, limits};
 use rayon::prelude::*;
+use stylus_dsp::fourier::Complex;
+use stylus_dsp::sums::{range_of, upper_median};
 
 use super::findings::{Findings, Line, NoLines, TrialLines};
-use super::peaks::{LineSpectrum, tells_lines};
-use super::search::{Found, HIGHEST_HZ, LEAST_SPEED_RATIO, Search, SearchedTrial};
+use super::peaks::{HIGHEST_HZ, LineSpectrum, tells_lines};
+use super::search::{Found, LEAST_SPEED_RATIO, Search, SearchedTrial};
 use super::track::{amplitudes, followed, steady, subtract, wave_at};
 use super::wander::{Course, Weave, find};
-use crate::dsp::fourier::Complex;
-use crate::dsp::sums::upper_median;
 
 /// Relative error of the speeds in a rig's list.
 const EXACT_LIST: f64 = 1e-3;
@@ -83,9 +83,7 @@ pub(crate) fn separate(speeds_mm_s: &[f64], signals: Vec<Vec<f64>>, ranges: &[Ve
         .iter()
         .zip(&signals)
         .filter(|(v, s)| **v > 0.0 && tells_lines(s));
-    let (slowest, fastest) = used.fold((f64::INFINITY, 0.0f64), |(low, high), (v, _)| {
-        (low.min(*v), high.max(*v))
-    });
+    let (slowest, fastest) = range_of(used.map(|(v, _)| *v));
     if fastest <= 0.0 {
         return Separated::nothing(signals, Vec::new(), NoLines::NothingSearched);
     }
@@ -196,12 +194,6 @@ fn add_lines_of(weave: &Weave, wander: usize, amplitudes: &[Vec<Option<f64>>], l
     }
 }
 
-/// Returns the lowest and the highest of `amplitudes`; 0 if there are none.
-pub(super) fn range_of(amplitudes: impl Iterator<Item = f64>) -> (f64, f64) {
-    let (low, high) = amplitudes.fold((f64::INFINITY, 0.0f64), |(low, high), a| (low.min(a), high.max(a)));
-    (low.min(high), high)
-}
-
 /// Subtracts the harmonics of `weave` from `signal`, along the signal's `course`. Returns the amplitude of each
 /// harmonic. It is 0, and the harmonic stays in the signal, if there is no course, if the trial cannot hold the
 /// harmonic, or if it cannot be distinguished from noise.
@@ -243,7 +235,6 @@ fn search(heard: Vec<(usize, SearchedTrial<'_>)>, speed_tolerance: f64) -> (Vec<
     let search = Search {
         trials,
         speed_tolerance,
-        most_lines: limits::MAX_LINES,
     };
     let outcome = search.run();
     let lines = outcome.lines.into_iter().map(|mut found| {

@@ -7,15 +7,15 @@ use model_format::SAMPLE_RATE_HZ;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
+use stylus_dsp::sums::rms;
+use stylus_signals::recording::Trial;
 
 use super::findings::NoLines;
 use super::{Findings, TrialLines, separate};
-use crate::dsp::sums::rms;
 use crate::fit::blocks::Part;
 use crate::fit::excitation::tests::{fitted_to, written};
 use crate::fit::options::Options;
-use crate::recording::Trial;
-use test_helpers::near;
+use test_helpers::{near, resonant};
 
 const RATE_HZ: f64 = SAMPLE_RATE_HZ as f64;
 const SAMPLES: usize = 10_000;
@@ -25,18 +25,9 @@ const SPEEDS_MM_S: [f64; 6] = [40.0, 70.0, 100.0, 150.0, 220.0, 300.0];
 /// with the speed.
 fn surface_noise(generator: &mut Pcg64, speed_mm_s: f64, band_mm: Option<f64>) -> Vec<f64> {
     let mut resonator = |hz: f64, radius: f64| {
-        let cosine = 2.0 * radius * (TAU * hz / RATE_HZ).cos();
-        let (mut y1, mut y2) = (0.0, 0.0);
-        let mut out = Vec::with_capacity(SAMPLES);
-        for n in 0..SAMPLES + 2000 {
-            let x: f64 = StandardNormal.sample(generator);
-            let y = x * (1.0 - radius * radius) + cosine * y1 - radius * radius * y2;
-            (y2, y1) = (y1, y);
-            if n >= 2000 {
-                out.push(y);
-            }
-        }
-        out
+        let excitation = StandardNormal.sample_iter(&mut *generator).take(SAMPLES + 2000);
+        let excitation = excitation.map(|x: f64| x * (1.0 - radius * radius));
+        resonant(excitation, TAU * hz / RATE_HZ, radius).split_off(2000)
     };
     let mut sum = resonator(300.0, 0.95);
     if let Some(band_mm) = band_mm {
@@ -61,6 +52,30 @@ fn surfaces(seed: u64, speeds: &[f64], band_mm: Option<f64>) -> (Pcg64, Vec<Vec<
     let signals = speeds.iter().map(|v| surface_noise(&mut generator, *v, band_mm));
     let signals = signals.collect();
     (generator, signals)
+}
+
+/// Adds a line of this wavelength, mm, and amplitude to each signal, at random phases.
+fn add_lines(generator: &mut Pcg64, signals: &mut [Vec<f64>], speeds: &[f64], wavelength_mm: f64, amplitude: f64) {
+    for (signal, v) in signals.iter_mut().zip(speeds) {
+        add_line(signal, v / wavelength_mm, amplitude, generator.random());
+    }
+}
+
+/// RMS of each signal.
+fn levels(signals: &[Vec<f64>]) -> Vec<f64> {
+    signals.iter().map(|signal| rms(signal)).collect()
+}
+
+/// Checks that `signals` have their `plain` levels again, to within this fraction, and that each share has a first line
+/// of `amplitude`, to within `tolerance`.
+fn are_plain_again(
+    (signals, plain, within): (&[Vec<f64>], &[f64], f64),
+    (shares, amplitude, tolerance): (&[TrialLines], f64, f64),
+) {
+    for ((level, plain), share) in levels(signals).iter().zip(plain).zip(shares) {
+        assert!((level / plain - 1.0).abs() < within, "{level} {plain} {share:?}");
+        near(share.amplitudes_m_s2[0].unwrap(), amplitude, tolerance);
+    }
 }
 
 fn found(speeds: &[f64], signals: &mut [Vec<f64>]) -> (Findings, Vec<TrialLines>) {
@@ -101,7 +116,7 @@ fn a_line_ten_decibels_below_the_noise_is_found() {
 #[test]
 fn a_weave_is_found_with_its_harmonics_and_nothing_is_left_of_it() {
     let (mut generator, mut signals) = surfaces(7, &SPEEDS_MM_S, None);
-    let plain: Vec<f64> = signals.iter().map(|s| rms(s)).collect();
+    let plain = levels(&signals);
     for (signal, v) in signals.iter_mut().zip(SPEEDS_MM_S) {
         let start: f64 = generator.random();
         for (n, amplitude, phase) in [(1.0, 1.0, 0.0), (2.0, 0.5, 0.3), (3.0, 0.25, 0.8)] {
@@ -115,17 +130,14 @@ fn a_weave_is_found_with_its_harmonics_and_nothing_is_left_of_it() {
         near(line.wavelength_mm * n / 0.85, 1.0, 1e-4);
         assert!((line.phase_turns - phase).abs() < 0.02, "{line:?}");
     }
-    for ((signal, plain), share) in signals.iter().zip(plain).zip(&shares) {
-        assert!((rms(signal) / plain - 1.0).abs() < 0.01);
-        near(share.amplitudes_m_s2[0].unwrap(), 1.0, 0.05);
-    }
+    are_plain_again((&signals, &plain, 0.01), (&shares, 1.0, 0.05));
 }
 
 #[test]
 fn at_one_speed_a_steady_band_is_a_line_of_time() {
     let speeds = [100.0, 100.0];
     let (mut generator, mut signals) = surfaces(3, &speeds, None);
-    let plain: Vec<f64> = signals.iter().map(|s| rms(s)).collect();
+    let plain = levels(&signals);
     for signal in &mut signals {
         // A resonance that stick-slip drives: its phase wanders by 1.2 rad, with a correlation time of 40 ms.
         let wander = gaussian_process(&mut generator, 1.2, 4.0);
@@ -138,10 +150,7 @@ fn at_one_speed_a_steady_band_is_a_line_of_time() {
     assert_eq!(findings.lines.len(), 1, "{findings}");
     assert!((findings.lines[0].wavelength_mm * 117.0 / 100.0 - 1.0).abs() < 0.01);
     assert_eq!(findings.wanders[0].clock_mm_s, 100.0);
-    for ((signal, plain), share) in signals.iter().zip(plain).zip(&shares) {
-        assert!((rms(signal) / plain - 1.0).abs() < 0.05);
-        near(share.amplitudes_m_s2[0].unwrap(), 1.0, 0.05);
-    }
+    are_plain_again((&signals, &plain, 0.05), (&shares, 1.0, 0.05));
 }
 
 /// A Gaussian process of RMS `rms` and correlation length `length`: a sum of cosines whose wave numbers are drawn from
@@ -180,7 +189,7 @@ fn add_weave(generator: &mut Pcg64, signals: &mut [Vec<f64>], amplitude: f64, rm
 fn a_weave_of_uneven_threads_is_found_with_its_wander_its_harmonic_and_its_amplitude() {
     for (seed, rms_rad, length_mm) in [(1, 1.5, 3.0), (2, 1.5, 6.0), (3, 2.5, 8.0), (4, 0.8, 2.0)] {
         let (mut generator, mut signals) = surfaces(seed, &SPEEDS_MM_S, None);
-        let plain: Vec<f64> = signals.iter().map(|s| rms(s)).collect();
+        let plain = levels(&signals);
         let amplitude = 3.0 * plain[0];
         add_weave(&mut generator, &mut signals, amplitude, rms_rad, length_mm);
         let (findings, shares) = found(&SPEEDS_MM_S, &mut signals);
@@ -251,10 +260,8 @@ fn a_line_at_one_speed_alone_is_not_taken() {
 #[test]
 fn two_lines_a_percent_apart_are_two_lines() {
     let (mut generator, mut signals) = surfaces(13, &SPEEDS_MM_S, None);
-    for (signal, v) in signals.iter_mut().zip(SPEEDS_MM_S) {
-        for wavelength in [0.5, 0.505] {
-            add_line(signal, v / wavelength, 2.0, generator.random());
-        }
+    for wavelength in [0.5, 0.505] {
+        add_lines(&mut generator, &mut signals, &SPEEDS_MM_S, wavelength, 2.0);
     }
     let (findings, shares) = found(&SPEEDS_MM_S, &mut signals);
     assert_eq!(findings.lines.len(), 2, "{findings}");
@@ -272,11 +279,8 @@ fn two_lines_a_percent_apart_are_two_lines() {
 
 #[test]
 fn speeds_that_are_all_wrong_by_one_factor_keep_their_lines_and_a_single_wrong_one_loses_only_its_own() {
-    let (mut generator, signals) = surfaces(14, &SPEEDS_MM_S, None);
-    let mut signals = signals;
-    for (signal, v) in signals.iter_mut().zip(SPEEDS_MM_S) {
-        add_line(signal, v / 0.8, 1.0, generator.random());
-    }
+    let (mut generator, mut signals) = surfaces(14, &SPEEDS_MM_S, None);
+    add_lines(&mut generator, &mut signals, &SPEEDS_MM_S, 0.8, 1.0);
     let tenfold: Vec<f64> = SPEEDS_MM_S.iter().map(|v| 10.0 * v).collect();
     let (findings, _) = found(&tenfold, &mut signals.clone());
     near(findings.lines[0].wavelength_mm / 8.0, 1.0, 1e-4);
@@ -291,7 +295,7 @@ fn speeds_that_are_all_wrong_by_one_factor_keep_their_lines_and_a_single_wrong_o
 #[test]
 fn a_line_is_followed_through_a_speed_that_wanders() {
     let (mut generator, mut signals) = surfaces(15, &SPEEDS_MM_S, None);
-    let plain: Vec<f64> = signals.iter().map(|s| rms(s)).collect();
+    let plain = levels(&signals);
     for (signal, v) in signals.iter_mut().zip(SPEEDS_MM_S) {
         let (start, slow): (f64, f64) = (generator.random(), generator.random());
         for (n, x) in signal.iter_mut().enumerate() {
@@ -307,14 +311,7 @@ fn a_line_is_followed_through_a_speed_that_wanders() {
     assert_eq!(findings.lines.len(), 2, "{findings}");
     near(findings.lines[0].wavelength_mm / 0.6, 1.0, 1e-3);
     assert!(findings.followed_trials >= 3, "{findings}");
-    for ((signal, plain), share) in signals.iter().zip(plain).zip(&shares) {
-        assert!(
-            (rms(signal) / plain - 1.0).abs() < 0.05,
-            "{} {plain} {share:?}",
-            rms(signal)
-        );
-        near(share.amplitudes_m_s2[0].unwrap() / 3.0, 1.0, 0.06);
-    }
+    are_plain_again((&signals, &plain, 0.05), (&shares, 3.0, 0.18));
 }
 
 /// Twelve trials at four nominal speeds, each measured within 6 % of its nominal one. There is one weave, which the
@@ -328,9 +325,7 @@ fn measured_speeds_keep_a_weave_that_nominal_ones_lose() {
         .map(|v| v * (1.0 + 0.12 * (generator.random::<f64>() - 0.5)))
         .collect();
     let (_, mut signals) = surfaces(30, &measured, None);
-    for (signal, v) in signals.iter_mut().zip(&measured) {
-        add_line(signal, v / 0.8, 1.0, generator.random());
-    }
+    add_lines(&mut generator, &mut signals, &measured, 0.8, 1.0);
     let (by_nominal, _) = found(&nominal, &mut signals.clone());
     let (by_measured, _) = found(&measured, &mut signals);
     assert_eq!(by_measured.lines.len(), 1, "{by_measured}");

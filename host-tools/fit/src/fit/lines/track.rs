@@ -9,11 +9,11 @@ use std::ops::Range;
 
 use model_format::SAMPLE_RATE_HZ;
 use nalgebra::{DMatrix, DVector};
+use stylus_dsp::fourier::Complex;
+use stylus_dsp::sums::rms;
+use stylus_dsp::wide;
 
 use super::peaks::{hann, hann_window};
-use crate::dsp::fourier::Complex;
-use crate::dsp::sums::rms;
-use crate::dsp::wide;
 
 /// Duration over which a line's phase is averaged, s. Faster changes of speed are not followed.
 const AVERAGE_S: f64 = 0.2;

@@ -6,13 +6,14 @@ use std::ops::Range;
 use model_format::{SAMPLE_RATE_HZ, Wander, limits};
 use nalgebra::DVector;
 use rayon::prelude::*;
+use stylus_dsp::fourier::Complex;
+use stylus_dsp::sums::{range_of, upper_median, variance};
+use stylus_dsp::wide;
 
 use super::bands::{Band, WholeSpectrum};
-use super::search::{AtSpeed, HARMONICS, HIGHEST_HZ, LEVEL, LOWEST_HZ, by_speed};
+use super::peaks::{HIGHEST_HZ, LOWEST_HZ};
+use super::search::{AtSpeed, HARMONICS, LEVEL, by_speed};
 use super::track::{solved, wave, without_straight_line};
-use crate::dsp::fourier::Complex;
-use crate::dsp::sums::{upper_median, variance};
-use crate::dsp::wide;
 
 /// Natural logarithm of the probability below which a band suggests a hypothesis.
 const LN_HYPOTHESIS_CHANCE: f64 = -9.0;
@@ -145,10 +146,8 @@ impl Search {
         });
         let speeds = by_speed(chances);
         shown(&speeds, if self.is_one_speed { 1 } else { 2 })?;
-        let ends = shows(&speeds).fold((f64::INFINITY, 0.0f64), |(low, high), at| {
-            (low.min(at.speed_mm_s), high.max(at.speed_mm_s))
-        });
-        let tells_place = ends.1 >= LEAST_SPEED_RATIO * ends.0;
+        let (slowest, fastest) = range_of(shows(&speeds).map(|at| at.speed_mm_s));
+        let tells_place = fastest >= LEAST_SPEED_RATIO * slowest;
         if matches!(carrier, Carrier::Place(_)) && !tells_place {
             return None;
         }
@@ -395,10 +394,7 @@ fn amplitudes_of(told: &LineFundamental, count: usize, ranges: &[Range<usize>]) 
 /// Returns whether the frequency is nearly the same in all quarters of a recording.
 fn holds(turns: &[f64]) -> bool {
     let quarters = turns.chunks_exact((turns.len() / 4).max(1)).take(4);
-    let ways = quarters.map(|part| part[part.len() - 1] - part[0]);
-    let (low, high) = ways.fold((f64::INFINITY, 0.0f64), |(low, high), way| {
-        (low.min(way), high.max(way))
-    });
+    let (low, high) = range_of(quarters.map(|part| part[part.len() - 1] - part[0]));
     high < (1.0 + HELD_WITHIN) * low
 }
 

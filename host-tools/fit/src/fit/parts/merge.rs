@@ -3,6 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
+use stylus_signals::recording::RecordingSet;
+use stylus_support::{Error, Result};
 
 use super::unit::{Unit, units};
 use crate::fit::blocks::Part;
@@ -11,8 +13,6 @@ use crate::fit::notes;
 use crate::fit::options::Options;
 use crate::fit::recordings::{Recorded, Recordings};
 use crate::fit::reports::{TrialReport, reports};
-use crate::recording::RecordingSet;
-use crate::support::error::{Error, Result};
 
 /// The joined units of a fit: the trials' reports, and where the remaining data is.
 pub struct Merged<'s> {

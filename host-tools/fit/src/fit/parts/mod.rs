@@ -27,11 +27,11 @@ use std::path::Path;
 use std::str::FromStr;
 
 use rayon::prelude::*;
+use stylus_signals::recording::RecordingSet;
+use stylus_support::{Error, Result};
 
 use super::lines::Lines;
 use super::options::Options;
-use crate::recording::RecordingSet;
-use crate::support::error::{Error, Result};
 
 pub use merge::Merged;
 use unit::{MOST_TRIALS, Unit, units};

@@ -1,13 +1,14 @@
 use std::path::Path;
 
+use stylus_signals::recording::{RecordingSet, Trial};
+use stylus_support::Result;
+use stylus_support::float_wav::float_wav;
+
 use super::{Mapped, Merged, Shard, map};
 use crate::fit::lines::Lines;
 use crate::fit::options::Order;
 use crate::fit::record::FitRecord;
 use crate::fit::{ExcitationChoice, Fit, FloorChoice, Options, fit};
-use crate::recording::{RecordingSet, Trial};
-use crate::support::error::Result;
-use crate::support::float_wav::float_wav;
 use test_helpers::{holds, noise};
 
 const SAMPLES: usize = 2600;

@@ -9,6 +9,11 @@ use std::time::UNIX_EPOCH;
 use model_format::Provenance;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use stylus_signals::recording::{RecordingSet, Trial};
+use stylus_support::atomic_file;
+use stylus_support::bounded_file::Format;
+use stylus_support::fnv::Fnv;
+use stylus_support::{Error, Result};
 
 use crate::fit::blocks::Part;
 use crate::fit::lines::{Findings, Lines};
@@ -16,11 +21,6 @@ use crate::fit::options::{FloorChoice, Options};
 use crate::fit::record::content_of;
 use crate::fit::recordings::Recordings;
 use crate::fit::trial::Analysis;
-use crate::recording::{RecordingSet, Trial};
-use crate::support::atomic_file;
-use crate::support::bounded_file::Format;
-use crate::support::error::{Error, Result};
-use crate::support::fnv::Fnv;
 
 /// First bytes of a file, including the version of the format. The version changes with the content of a file and with
 /// what the map computes.

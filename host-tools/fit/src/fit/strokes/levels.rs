@@ -7,8 +7,8 @@
 //! of its neighbours. Nodes without windows stay on the line.
 
 use nalgebra::{DMatrix, DVector};
+use stylus_dsp::motion_law::{LevelAt, MotionLaw};
 
-use crate::dsp::motion_law::{LevelAt, MotionLaw};
 use crate::texture::grid::Grid;
 
 /// Cost of a difference of 1 dB between the distances from the line of neighbouring nodes that are a factor of e apart

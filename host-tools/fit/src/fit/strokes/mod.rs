@@ -14,6 +14,17 @@
 use std::path::PathBuf;
 
 use model_format::SAMPLE_RATE_HZ;
+use stylus_dsp::motion_law::LevelAt;
+use stylus_dsp::reduction::Reduction;
+use stylus_dsp::sums::mean;
+use stylus_signals::recording::freehand::Freehand;
+use stylus_signals::recording::triage::Verdict;
+use stylus_signals::recording::{RecordingSet, Snap};
+use stylus_support::file_name::portable;
+use stylus_support::in_order::in_order;
+use stylus_support::number::counted;
+use stylus_support::warning::Warning;
+use stylus_support::{Error, Result};
 
 mod levels;
 mod pieces;
@@ -29,17 +40,6 @@ use super::lines::{Along, LineMember, Stretch, TrialLines, along, lines_on};
 use super::options::{FloorChoice, Lines, Options};
 use super::recordings::Recordings;
 use super::{models, read};
-use crate::dsp::motion_law::LevelAt;
-use crate::dsp::reduction::Reduction;
-use crate::dsp::sums::mean;
-use crate::recording::freehand::Freehand;
-use crate::recording::triage::Verdict;
-use crate::recording::{RecordingSet, Snap};
-use crate::support::error::{Error, Result};
-use crate::support::file_name::portable;
-use crate::support::in_order::in_order;
-use crate::support::number::counted;
-use crate::support::warning::Warning;
 use crate::texture::library::decoded;
 
 /// Fits texture `name` to strokes, each with the file that it comes from. Calls `progress` for steps that are done. A

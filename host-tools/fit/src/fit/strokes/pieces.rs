@@ -3,13 +3,13 @@
 use std::ops::Range;
 
 use model_format::{Provenance, SAMPLE_RATE_HZ};
+use stylus_signals::recording::freehand::{LEAST_FORCE_N, LEAST_SPEED_MM_S};
+use stylus_signals::recording::triage::{LEAST_KEPT, kept};
+use stylus_signals::recording::{HeldSamples, Trial};
+use stylus_support::Result;
 
 use super::levels::NodeLevels;
 use super::stroke::Stroke;
-use crate::recording::freehand::{LEAST_FORCE_N, LEAST_SPEED_MM_S};
-use crate::recording::triage::{LEAST_KEPT, kept};
-use crate::recording::{HeldSamples, Trial};
-use crate::support::error::Result;
 
 /// Least number of samples of a stretch at a node that is used: 40 ms, four times the length of a joint.
 const LEAST_STRETCH: usize = 200;

@@ -4,18 +4,18 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use model_format::{Provenance, SAMPLE_RATE_HZ, Texture};
+use stylus_dsp::high_pass::high_pass;
+use stylus_dsp::motion_law::LevelAt;
+use stylus_dsp::sums::{energy, mean, sliding};
+use stylus_signals::playing::motion::{MotionPath, MotionRow};
+use stylus_signals::playing::render::render;
+use stylus_signals::recording::freehand::{Freehand, jumps_s, moving};
+use stylus_signals::recording::triage::{self, Kind, Verdict};
+use stylus_signals::recording::{HeldSamples, Trial, read};
+use stylus_support::Result;
 
-use crate::dsp::high_pass::high_pass;
-use crate::dsp::motion_law::LevelAt;
-use crate::dsp::sums::{energy, mean, sliding};
 use crate::fit::conditioning::Conditioning;
 use crate::fit::trial::{Signal, whole_signal};
-use crate::playing::motion::{MotionPath, MotionRow};
-use crate::playing::render::render;
-use crate::recording::freehand::{Freehand, jumps_s, moving};
-use crate::recording::triage::{self, Kind, Verdict};
-use crate::recording::{HeldSamples, Trial, read};
-use crate::support::error::Result;
 
 /// Length of the windows in which levels are measured, s.
 const WINDOW_S: f64 = 0.1;

@@ -2,8 +2,8 @@
 
 use std::f64::consts::TAU;
 
-use crate::dsp::fourier;
-use crate::dsp::sums::upper_median;
+use stylus_dsp::fourier;
+use stylus_dsp::sums::upper_median;
 
 /// Time constants at which the search starts, s.
 const DECAYS_S: [f64; 12] = [

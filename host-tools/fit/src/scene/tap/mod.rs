@@ -18,17 +18,17 @@ use std::path::Path;
 
 use model_format::scene::limits::{MAX_TAP_GAIN, MAX_TAP_M_S2, MAX_TAP_SHARE_OF_RATE, MIN_TAP_HZ, TAP_DECAY_S};
 use serde::Serialize;
+use stylus_dsp::liveliness::median;
+use stylus_dsp::reduction::{Reduction, reduce};
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use stylus_kernel::scene::ContactThreshold;
+use stylus_signals::recording::{self, Trial, freehand};
+use stylus_support::bounded_file::Format;
+use stylus_support::csv_table::CsvTable;
+use stylus_support::{Error, Result};
 
 pub use fit::{Ringing, fit, onsets};
 
-use crate::dsp::liveliness::median;
-use crate::dsp::reduction::{Reduction, reduce};
-use crate::recording::{self, Trial, freehand};
-use crate::support::bounded_file::Format;
-use crate::support::csv_table::CsvTable;
-use crate::support::error::{Error, Result};
 use model_format::SAMPLE_RATE_HZ;
 
 /// Number of first bytes of a file in which its header is searched.
@@ -125,7 +125,7 @@ impl Taps {
     /// sample value of 1 means; if not given, the header's, or 1.
     pub fn read(path: &Path, scale_m_s2: Option<f64>, reduction: Reduction) -> Result<Self> {
         let name = path.display().to_string();
-        let unusable = |error: crate::dsp::reduction::NoSuchAxis| Error::file(path, error.to_string());
+        let unusable = |error: stylus_dsp::reduction::NoSuchAxis| Error::file(path, error.to_string());
         if recording::Kind::of(path) == Some(recording::Kind::Table) && has_force(path)? {
             let mut recording = freehand::read(path, None, scale_m_s2)?;
             let notes = recording.notes(path);

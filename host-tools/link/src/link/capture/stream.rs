@@ -3,11 +3,11 @@
 use std::time::Duration;
 
 use model_format::link::{BLOCK_SAMPLES, RecordBlock, RecordSample, RecordStopped};
+use stylus_signals::recording::{MAX_FRAMES, RATES_HZ};
 
 use super::calibration::Loss;
 use crate::link::device::{Blocks, Device};
 use crate::link::error::{LinkError, Result, longer};
-use crate::recording::{MAX_FRAMES, RATES_HZ};
 
 /// Longest interval between the blocks that arrive after the answer that ends a recording.
 const LATE_BLOCKS: Duration = Duration::from_millis(100);

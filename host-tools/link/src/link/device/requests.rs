@@ -13,10 +13,10 @@ use model_format::link::{
 };
 use postcard_rpc::host_client::{MultiSubRxError, MultiSubscription};
 use serde::Serialize;
+use stylus_support::nearest::nearly;
 
 use super::connection::{Device, POLL_INTERVAL};
 use crate::link::error::{LinkError, Result};
-use crate::support::nearest::nearly;
 
 impl Device {
     /// Reads the content of both slots.

@@ -2,10 +2,10 @@
 
 use model_format::AdcCode;
 use model_format::link::{Setting, SettingChange, Settings};
+use stylus_signals::recording::GRAVITY_M_S2;
 
 use super::rest::AtRest;
 use crate::link::capture::Calibration;
-use crate::recording::GRAVITY_M_S2;
 
 /// Least number of codes by which the largest weight must change the force. They are 25 mV of 3.3 V.
 const LEAST_CODES: f64 = 500.0;

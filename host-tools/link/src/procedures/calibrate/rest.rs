@@ -3,11 +3,11 @@
 use std::ops::Range;
 
 use model_format::link::{Activity, RAIL_CODES, RecordSample, Setting, SettingChange, Settings};
+use stylus_signals::recording::GRAVITY_M_S2;
 
 use crate::link::Device;
 use crate::link::Result;
 use crate::link::capture::{Calibration, Capture, capture};
-use crate::recording::GRAVITY_M_S2;
 
 /// Largest relative error of the gravity that an accelerometer measures. Errors of its scales cause it.
 const GRAVITY_TOLERANCE: f64 = 0.1;

@@ -2,14 +2,14 @@
 
 use model_format::PlayRate;
 use model_format::link::{ProbeThrough, Response, Sections, Setting};
+use stylus_dsp::equaliser::{cascade_db, filtered};
+use stylus_dsp::response::{MeasuredResponse, Multisine, PERIOD, Spectra, db, ratio};
 
 use super::bench::{Probe, ProbedStylus, usable};
 pub use super::design::Flatness;
 use super::design::{Design, design, response};
 use super::identify::{BAND_HZ, Bounds, Identified, Options, SHARE_OF_RMS, identify};
 use super::{Result, Verdict};
-use crate::dsp::equaliser::{cascade_db, filtered};
-use crate::dsp::response::{MeasuredResponse, Multisine, PERIOD, Spectra, db, ratio};
 
 /// Periods of the proof.
 const PROOF: usize = 6;

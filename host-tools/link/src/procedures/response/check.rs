@@ -2,11 +2,11 @@
 
 use model_format::link::{ProbeThrough, Response};
 use serde::Serialize;
+use stylus_dsp::response::{Bandwidths, Fit, MeasuredResponse, Spectra};
 
 use super::Result;
 use super::bench::{Probe, ProbedStylus, usable};
 use super::identify::{Bounds, MOVES, SHARE_OF_RMS, excitation};
-use crate::dsp::response::{Bandwidths, Fit, MeasuredResponse, Spectra};
 
 /// Periods of the probe. With one period to settle and a soft start of at most 0.4 s, it takes two seconds.
 const PERIODS: usize = 3;
@@ -58,7 +58,7 @@ impl Checked {
         }
         // A moved resonance changes bands, too. A band is named only if nothing else explains it.
         if let Some((band, off_db)) = worst_band.filter(|worst| worst.1.abs() > BAND_DB && moved.is_empty()) {
-            let hz = crate::dsp::response::band_centre_hz(band);
+            let hz = stylus_dsp::response::band_centre_hz(band);
             moved.push(format!(
                 "the level around {hz:.0} Hz has changed by {off_db:+.1} dB beside the others"
             ));

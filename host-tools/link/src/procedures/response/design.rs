@@ -3,11 +3,11 @@
 use model_format::PlayRate;
 use model_format::link::Setting;
 use model_format::scene::Biquad;
+use stylus_dsp::equaliser::{self, Response, cascade_db};
+use stylus_dsp::response::{MeasuredResponse, db, ratio};
 
 use super::identify::{BAND_HZ, Bounds, Options};
 use super::{Failure, Result, Verdict};
-use crate::dsp::equaliser::{self, Response, cascade_db};
-use crate::dsp::response::{MeasuredResponse, db, ratio};
 
 /// Band that must be within the limits, Hz. Outside it, the limits may leave a part uncorrected, which is reported.
 const NEEDED_HZ: [f64; 2] = [60.0, 500.0];

@@ -3,10 +3,10 @@
 use std::time::{Duration, Instant};
 
 use model_format::link::{KEEP_ALIVE_MS, MuteReason, ProbeStart, RecordSample, Response, Setting, Settings};
+use stylus_dsp::response::{PERIOD, RATE_HZ};
 
 use super::bench::{Played, Probe, ProbedStylus};
 use super::{Failure, Result};
-use crate::dsp::response::{PERIOD, RATE_HZ};
 use crate::link::Device;
 use crate::link::LinkError;
 use crate::link::capture::{Stream, mend};

@@ -5,13 +5,12 @@ use model_format::scene::Scene;
 use model_format::{Library, PlayRate, Texture};
 use serde::Serialize;
 use stylus_app::safety::Config;
-
-use crate::dsp::equaliser::{cascade_db, filtered};
-use crate::dsp::response::{BANDS, band_centre_hz, band_edges_hz, db, ratio};
-use crate::dsp::spectrum::PowerSpectrum;
-use crate::playing::motion::MotionPath;
-use crate::playing::render::render;
-use crate::support::error::{Error, Result};
+use stylus_dsp::equaliser::{cascade_db, filtered};
+use stylus_dsp::response::{BANDS, band_centre_hz, band_edges_hz, db, ratio};
+use stylus_dsp::spectrum::PowerSpectrum;
+use stylus_signals::playing::motion::MotionPath;
+use stylus_signals::playing::render::render;
+use stylus_support::{Error, Result};
 
 /// Duration of each node's rendering, s, and of its beginning, which is left out until textures and sections are
 /// steady.
@@ -282,8 +281,8 @@ mod tests {
     use model_format::{MillimetresPerSecond, Newton};
 
     use super::*;
-    use crate::playing::pin::Pin;
-    use crate::playing::render::Rendering;
+    use stylus_signals::playing::pin::Pin;
+    use stylus_signals::playing::render::Rendering;
     use test_helpers::near;
 
     fn with(changes: &[(Setting, f32)]) -> Settings {
@@ -338,7 +337,7 @@ mod tests {
             scene
         };
         let scenes = [scene("double", 2.0, &[]), scene("as it is", 2.0, &[halved])];
-        let bytes = crate::scene::with_scenes(&library, &scenes).unwrap();
+        let bytes = stylus_fit::scene::with_scenes(&library, &scenes).unwrap();
         let library = Library::decode(&bytes).unwrap();
         let all = headroom(&library, &with(&[(Setting::OutputGain, 0.2)]), None).unwrap();
         let [.., alone, double, same] = all.as_slice() else {

@@ -3,11 +3,11 @@
 use model_format::link::{MAX_PROBE_M_S2, ProbeThrough, Setting, Settings};
 use serde::Serialize;
 use stylus_app::safety::Config;
+use stylus_dsp::equaliser::CALIBRATION_GAIN_DB;
+use stylus_dsp::response::{Bandwidths, Fit, Line, MeasuredResponse, Multisine, PERIOD, Resonance, STEP_HZ, Spectra};
 
 use super::bench::{Played, Probe, ProbedStylus, usable};
 use super::{Fault, Result, Verdict};
-use crate::dsp::equaliser::CALIBRATION_GAIN_DB;
-use crate::dsp::response::{Bandwidths, Fit, Line, MeasuredResponse, Multisine, PERIOD, Resonance, STEP_HZ, Spectra};
 use crate::link::capture::Calibration;
 
 /// Band that has to be flat, Hz.

@@ -3,11 +3,11 @@ use model_format::scene::Biquad;
 use model_format::{AdcCode, DacCode, OutputSample, PlayRate};
 use nalgebra::Matrix5;
 use stylus_app::safety::{Config, Heat, State};
+use stylus_dsp::equaliser::{cascade_db, filtered};
+use stylus_dsp::response::{Bandwidths, PERIOD, RATE_HZ, db};
 use stylus_plant::{Axis, Fault as Broken, Parameters, Plant};
 
 use super::*;
-use crate::dsp::equaliser::{cascade_db, filtered};
-use crate::dsp::response::{Bandwidths, PERIOD, RATE_HZ, db};
 
 /// Bandwidths of the presets' accelerometer.
 const BANDWIDTHS: Bandwidths = Bandwidths([Some(1600.0), Some(1600.0), Some(550.0)]);

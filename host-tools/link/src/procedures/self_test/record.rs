@@ -5,10 +5,10 @@ use std::time::SystemTime;
 
 use model_format::link::DeviceInfo;
 use serde::Serialize;
+use stylus_support::Result;
+use stylus_support::{atomic_file, date};
 
 use super::line::{Line, Verdict};
-use crate::support::error::Result;
-use crate::support::{atomic_file, date};
 
 /// A self test with its device and its date.
 #[derive(Clone, Debug, Serialize)]

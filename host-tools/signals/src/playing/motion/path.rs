@@ -6,9 +6,8 @@ use model_format::{MillimetresPerSecond, Newton};
 use stylus_kernel::Motion;
 use stylus_kernel::position::Position;
 use stylus_kernel::scene::{ContactDetector, ContactThreshold, Interaction};
-
-use crate::support::error::{Error, Result};
-use crate::support::hand::{force_fault, position_fault, speed_fault};
+use stylus_support::hand::{force_fault, position_fault, speed_fault};
+use stylus_support::{Error, Result};
 
 /// Largest number of rows of a motion: a day at 100 per second, in about 300 MB.
 const MOST_ROWS: usize = 10_000_000;

@@ -2,12 +2,13 @@
 
 use std::path::Path;
 
+use stylus_support::bounded_file::Format;
+use stylus_support::csv_table::{CsvTable, Header, Row};
+use stylus_support::hand::{force_fault, position_fault, speed_fault};
+use stylus_support::{Error, Result};
+
 use super::path::{MotionPath, Point, Points};
 use crate::recording::{TimeColumn, TimeUnit};
-use crate::support::bounded_file::Format;
-use crate::support::csv_table::{CsvTable, Header, Row};
-use crate::support::error::{Error, Result};
-use crate::support::hand::{force_fault, position_fault, speed_fault};
 
 impl MotionPath {
     /// Reads a CSV file with the columns `time_s`, or another unit's such as `time_ms`, `speed_mm_s` and `force_n`, and

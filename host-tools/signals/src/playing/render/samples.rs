@@ -3,10 +3,10 @@
 use model_format::{OutputSample, Texture};
 use stylus_kernel::scene::{Plan, ScenePlayer};
 use stylus_kernel::update_interval_samples;
+use stylus_support::{Error, Result};
 
 use crate::playing::motion::{Hand, MotionPath};
 use crate::playing::wavefront::Wavefront;
-use crate::support::error::{Error, Result};
 
 /// Iterator over the samples of a texture or scene along a motion. It stores the samples of one update interval.
 ///
@@ -200,7 +200,7 @@ mod tests {
     use super::super::MAX_SECONDS;
     use super::super::test_motions::{constant, sweep};
     use super::*;
-    use crate::support::error::Error;
+    use stylus_support::Error;
     use test_helpers::{library, texture};
 
     #[test]

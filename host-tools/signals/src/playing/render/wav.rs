@@ -5,12 +5,12 @@ use std::path::Path;
 
 use hound::{SampleFormat, WavSpec, WavWriter};
 use model_format::{OutputSample, Texture};
+use stylus_support::files::Written;
+use stylus_support::{Error, Result};
+use stylus_support::{atomic_file, progress};
 
 use super::samples::{Rendering, exact_m_s2};
 use crate::playing::motion::MotionPath;
-use crate::support::error::{Error, Result};
-use crate::support::files::Written;
-use crate::support::{atomic_file, progress};
 
 /// Upper bound of the length of a WAV file's headers, bytes. Headers and samples share the 4 GiB that the file's length
 /// fields can count.

@@ -1,7 +1,7 @@
 //! Measures of an axis that are used to find several defects, each computed once.
 
-use crate::dsp::sums::{extremes, steps, variance};
-use crate::dsp::wide;
+use stylus_dsp::sums::{extremes, steps, variance};
+use stylus_dsp::wide;
 
 /// Number of samples that are measured in parallel, in vector registers.
 const LANES: usize = 8;

@@ -8,10 +8,10 @@
 use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
+use stylus_dsp::linear_prediction::{Prediction, corrected, step_up};
+use stylus_dsp::sums::{dot, energy, mean, sliding, upper_median};
 
 use super::axis::Axis;
-use crate::dsp::linear_prediction::{Prediction, corrected, step_up};
-use crate::dsp::sums::{dot, energy, mean, sliding, upper_median};
 
 /// Order of the predictor.
 const ORDER: usize = 16;

@@ -6,8 +6,9 @@
 
 use std::ops::Range;
 
+use stylus_dsp::sums::upper_median;
+
 use super::read::Freehand;
-use crate::dsp::sums::upper_median;
 
 /// Speed below which a hand counts as resting, mm/s.
 pub const LEAST_SPEED_MM_S: f64 = 5.0;

@@ -4,8 +4,8 @@
 //! zeros and spikes. The speed is therefore the slope of a straight line that is fitted to the positions around each
 //! sample.
 
-use crate::support::csv_table::Header;
-use crate::support::hand::MAX_SPEED_MM_S;
+use stylus_support::csv_table::Header;
+use stylus_support::hand::MAX_SPEED_MM_S;
 
 /// Length of the fit without held positions, s: about the 20 ms over which the stylus means its own speed.
 const WINDOW_S: f64 = 0.025;
@@ -137,8 +137,8 @@ fn slopes(axis: &[f64], half: usize, rate_hz: f64) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dsp::sums::rms;
     use core::f64::consts::TAU;
+    use stylus_dsp::sums::rms;
     use test_helpers::noise;
 
     #[test]

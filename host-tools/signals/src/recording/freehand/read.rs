@@ -4,6 +4,11 @@ use std::io::Read;
 use std::path::Path;
 
 use serde::Serialize;
+use stylus_support::bounded_file::Format;
+use stylus_support::csv_table::{CsvTable, Header, Row, comment};
+use stylus_support::hand::{MAX_FORCE_N, MAX_SPEED_MM_S};
+use stylus_support::number::counted;
+use stylus_support::{Error, Result};
 
 use super::positions::{self, PositionColumn};
 use crate::recording::axes::LeftOut;
@@ -14,11 +19,6 @@ use crate::recording::time_unit::TimeColumn;
 use crate::recording::uneven::evened;
 use crate::recording::{Cut, MAX_CHANNELS, MAX_FRAMES, SampleRate, Source, Timing};
 use crate::recording::{lvm, unit};
-use crate::support::bounded_file::Format;
-use crate::support::csv_table::{CsvTable, Header, Row, comment};
-use crate::support::error::{Error, Result};
-use crate::support::hand::{MAX_FORCE_N, MAX_SPEED_MM_S};
-use crate::support::number::counted;
 
 /// Names of the columns other than accelerations.
 const TIME: &str = "time_s";

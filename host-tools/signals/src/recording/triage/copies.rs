@@ -6,8 +6,7 @@
 //! differenced twice, because the strong low frequencies of a drum that retraces its track are the same in every turn.
 
 use serde::{Deserialize, Serialize};
-
-use crate::dsp::wide;
+use stylus_dsp::wide;
 
 /// Number of sums in a sketch: one for each bit of a hash.
 const SUMS: usize = 64;

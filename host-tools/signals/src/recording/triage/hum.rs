@@ -5,10 +5,9 @@ use std::ops::Range;
 
 use model_format::SAMPLE_RATE_HZ;
 use serde::{Deserialize, Serialize};
-
-use crate::dsp::autocorrelation::PaddedSpectrum;
-use crate::dsp::fourier::Complex;
-use crate::dsp::sums::upper_median;
+use stylus_dsp::autocorrelation::PaddedSpectrum;
+use stylus_dsp::fourier::Complex;
+use stylus_dsp::sums::upper_median;
 
 /// Least level of a mains line above its surroundings, and of the axis that alone has it above the others, dB.
 pub const HUM_RATIO_DB: f64 = 20.0;

@@ -3,9 +3,10 @@
 //! The level of real takes at one speed and force varies by 7 dB (standard deviation over 50 ms), so only changes that
 //! exceed this by far are findings. The bounds come from 24 real takes, whole and in parts of 2 s.
 
+use stylus_dsp::sums::moments_inlined;
+use stylus_dsp::wide;
+
 use super::verdict::{Kind, Span, Verdict};
-use crate::dsp::sums::moments_inlined;
-use crate::dsp::wide;
 use model_format::SAMPLE_RATE_HZ;
 
 /// Number of samples of a part in the search for silence: 20 ms.

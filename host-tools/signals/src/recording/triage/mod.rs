@@ -16,7 +16,7 @@
 //! | tap | 40 ms with 25 % of the energy, 9 dB above the next event | cut |
 //! | level-change | a step or a ramp of 6 dB explains 60 % of the level's variance | |
 //! | drifting | a straight line explains at least [`DRIFT_SHARE`] of an axis's energy | |
-//! | wandering | 25 % of the energy is below [`SLOW_HZ`](crate::dsp::high_pass::SLOW_HZ) | |
+//! | wandering | 25 % of the energy is below [`SLOW_HZ`](stylus_dsp::high_pass::SLOW_HZ) | |
 //! | hum | a mains line, or a harmonic's, is [`HUM_RATIO_DB`] above its surroundings at half the speeds | |
 //! | scale | RMS above [`LARGE_RMS_M_S2`] or below feeling, mean above 2 g, 0.9 to 1.1 or 1 mg, header, 45 dB off | |
 //! | dead-axis | an axis is 60 dB below the strongest, or constant | |

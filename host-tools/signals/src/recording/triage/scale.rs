@@ -1,7 +1,8 @@
 //! Verdicts on a unit that cannot be m/s², from the information in the header, the level, and gravity.
 
+use stylus_dsp::sums::Moments;
+
 use super::verdict::{Kind, Verdict};
-use crate::dsp::sums::Moments;
 use crate::recording::source::Account;
 use crate::recording::unit::{GRAVITY_M_S2, GRAVITY_TOLERANCE};
 
@@ -111,9 +112,9 @@ fn units_of(mean: f64) -> Vec<String> {
 mod tests {
     use super::super::test_signals::bounded_noise;
     use super::*;
-    use crate::dsp::sums::moments;
     use crate::recording::unit;
     use proptest::prelude::*;
+    use stylus_dsp::sums::moments;
     use test_helpers::holds;
 
     /// The finding for noise of `rms` m/s² per axis about `means`, in samples of `unit_m_s2` m/s².

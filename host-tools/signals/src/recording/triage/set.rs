@@ -2,12 +2,13 @@
 
 use std::collections::BTreeMap;
 
+use stylus_dsp::sums::upper_median;
+
 use super::compared::Compared;
 use super::copies::{Sketch, copies};
 use super::hum::confirmed_hum;
 use super::unlike::unlike_neighbours;
 use super::verdict::{Kind, Verdict};
-use crate::dsp::sums::upper_median;
 
 /// Deviation of a trial's level from the median of its texture above which its scale is doubted, dB. From the slowest
 /// and lightest trial of a grid to the fastest and heaviest, the level rises by about 40 dB. Wrong units cause a

@@ -1,16 +1,16 @@
 //! Verdicts on a trial that do not need other trials.
 
 use model_format::SAMPLE_RATE_HZ;
+use stylus_dsp::high_pass::SLOW_HZ;
+use stylus_dsp::sums::{Moments, moments, sum_of};
+use stylus_dsp::wide;
+use stylus_support::number::counted;
 
 use super::level;
 use super::scale::{SILENCE_FLOOR_M_S2, scale};
 use super::verdict::{Kind, Span, Verdict};
-use crate::dsp::high_pass::SLOW_HZ;
-use crate::dsp::sums::{Moments, moments, sum_of};
-use crate::dsp::wide;
 use crate::recording::defects::{Defects, Truncation};
 use crate::recording::source::Samples;
-use crate::support::number::counted;
 
 /// Number of samples below which a trial is too short: 0.4 s at 5 kHz.
 pub const SHORT_SAMPLES: usize = 2000;

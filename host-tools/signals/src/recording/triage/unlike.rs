@@ -103,7 +103,7 @@ fn departure(own: &[(f64, f64)], slower: &[(f64, f64)], faster: &[(f64, f64)]) -
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dsp::spectrum::third_octave_hz;
+    use stylus_dsp::spectrum::third_octave_hz;
 
     /// Bands from 25 Hz to 2 kHz whose level starts at `level_db` and falls by 1 dB per band, changed by `change`, a
     /// function of the centre in Hz.

@@ -5,8 +5,7 @@ use std::ops::Range;
 
 use model_format::SAMPLE_RATE_HZ;
 use serde::{Deserialize, Serialize, Serializer};
-
-use crate::support::number::counted;
+use stylus_support::number::counted;
 
 /// Range of samples at 5 kHz, from the start of the trial. The end is not included.
 pub type Span = Range<usize>;

@@ -2,10 +2,10 @@
 
 use std::sync::mpsc;
 
-use host_tools::procedures::calibrate::{AtRest, ForceScale, PathScale, Travel, Weighed, order};
-use host_tools::support::error::{Error, Result};
 use model_format::link::{SettingChange, Settings};
 use serde::Serialize;
+use stylus_link::procedures::calibrate::{AtRest, ForceScale, PathScale, Travel, Weighed, order};
+use stylus_support::{Error, Result};
 
 use super::{CalibrationRun, answer};
 use crate::cli::input::positive;

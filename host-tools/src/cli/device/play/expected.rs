@@ -2,15 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use host_tools::dsp::sums::rms;
-use host_tools::evaluation::evaluate::texture_named;
-use host_tools::playing::motion::MotionPath;
-use host_tools::playing::render::render;
-use host_tools::support::error::{Error, Result};
-use host_tools::texture::library::{decode_library, read_library};
 use model_format::Provenance;
 use model_format::link::{LIBRARY_CRC, PlayRequest, Selection, Status};
 use serde::Serialize;
+use stylus_dsp::sums::rms;
+use stylus_evaluation::evaluate::texture_named;
+use stylus_fit::texture::library::{decode_library, read_library};
+use stylus_signals::playing::motion::MotionPath;
+use stylus_signals::playing::render::render;
+use stylus_support::{Error, Result};
 
 use crate::cli::input::warn_of_unknown_levels;
 

@@ -2,15 +2,15 @@
 
 use std::time::{Duration, Instant};
 
-use host_tools::link::Device;
-use host_tools::link::capture::{Calibration, Level, Stream};
-use host_tools::link::play::{Driven, PlayCounts, vibration_m_s2};
-use host_tools::playing::motion::MotionPath;
-use host_tools::support::number::counted;
-use host_tools::support::progress;
-use host_tools::support::visible::visible_line;
 use indicatif::ProgressBar;
 use model_format::link::{Activity, MuteReason, RecordSample, Status};
+use stylus_link::link::Device;
+use stylus_link::link::capture::{Calibration, Level, Stream};
+use stylus_link::link::play::{Driven, PlayCounts, vibration_m_s2};
+use stylus_signals::playing::motion::MotionPath;
+use stylus_support::number::counted;
+use stylus_support::progress;
+use stylus_support::visible::visible_line;
 
 use crate::cli::device::record::LIVE_SAMPLES;
 use crate::cli::output::note;

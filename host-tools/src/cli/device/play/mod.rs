@@ -9,15 +9,15 @@ use std::time::Duration;
 
 use clap::ArgGroup;
 use clap::builder::RangedU64ValueParser;
-use host_tools::link::play::{Drive, Driven, MAX_MOTION_RATE_HZ, MIN_MOTION_RATE_HZ, PlayCounts, Vibration, drive};
-use host_tools::link::{Device, LinkError};
-use host_tools::support::error::{Error, Result};
-use host_tools::support::number::counted;
 use model_format::link::{
     Activity, MAX_PLAY_GAIN, MotionRefused, MotionSource, OutputStatus, PlayRequest, Selection, TextureName,
 };
 use model_format::scene::SceneName;
 use serde::Serialize;
+use stylus_link::link::play::{Drive, Driven, MAX_MOTION_RATE_HZ, MIN_MOTION_RATE_HZ, PlayCounts, Vibration, drive};
+use stylus_link::link::{Device, LinkError};
+use stylus_support::number::counted;
+use stylus_support::{Error, Result};
 
 use super::connection::Link;
 use crate::cli::input::{ConstantMotion, positive, warn_of_motion};

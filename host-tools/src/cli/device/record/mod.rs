@@ -6,15 +6,15 @@ mod strokes;
 
 use std::path::PathBuf;
 
-use host_tools::link::Device;
-use host_tools::link::capture::{Calibration, Level};
-use host_tools::procedures::set::{Folder, PlannedTrial};
-use host_tools::recording::TRIALS_FILE;
-use host_tools::support::error::{Error, Result};
-use host_tools::support::number::counted;
 use model_format::Provenance;
 use report::RecordReport;
 use session::{Outcome, Session};
+use stylus_link::link::Device;
+use stylus_link::link::capture::{Calibration, Level};
+use stylus_link::procedures::set::{Folder, PlannedTrial};
+use stylus_signals::recording::TRIALS_FILE;
+use stylus_support::number::counted;
+use stylus_support::{Error, Result};
 
 use crate::cli::device::connection::Link;
 use crate::cli::files::{Overwrite, check_in_growing_folder};

@@ -1,12 +1,12 @@
 //! The report of `stylus record`, with one row per trial.
 
-use host_tools::support::number::counted;
 use std::path::Path;
+use stylus_support::number::counted;
 
-use host_tools::fit::Analysis;
-use host_tools::link::capture::{Calibration, Capture, Level, Loss};
-use host_tools::procedures::set::PlannedTrial;
 use serde::Serialize;
+use stylus_fit::fit::Analysis;
+use stylus_link::link::capture::{Calibration, Capture, Level, Loss};
+use stylus_link::procedures::set::PlannedTrial;
 
 use crate::cli::table::{headed, table};
 

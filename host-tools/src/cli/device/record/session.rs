@@ -5,15 +5,15 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::thread;
 use std::time::Duration;
 
-use host_tools::fit;
-use host_tools::fit::blocks::Part;
-use host_tools::link::Device;
-use host_tools::link::capture::{Calibration, Capture, Level, capture};
-use host_tools::procedures::set::{Folder, PlannedTrial};
-use host_tools::recording::TRIAL_DURATION_S;
-use host_tools::support::error::Result;
-use host_tools::support::progress;
 use model_format::link::RecordSample;
+use stylus_fit::fit;
+use stylus_fit::fit::blocks::Part;
+use stylus_link::link::Device;
+use stylus_link::link::capture::{Calibration, Capture, Level, capture};
+use stylus_link::procedures::set::{Folder, PlannedTrial};
+use stylus_signals::recording::TRIAL_DURATION_S;
+use stylus_support::Result;
+use stylus_support::progress;
 
 use super::Arguments;
 use super::report::Row;

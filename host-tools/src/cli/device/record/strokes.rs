@@ -1,11 +1,11 @@
 //! `stylus record --strokes`: strokes of a free hand, which `fit --strokes` reads.
 
-use host_tools::link::capture::{Level, Loss};
-use host_tools::procedures::strokes;
-use host_tools::support::error::{Error, Result};
-use host_tools::support::progress;
 use model_format::link::RecordSample;
 use serde::Serialize;
+use stylus_link::link::capture::{Level, Loss};
+use stylus_link::procedures::strokes;
+use stylus_support::progress;
+use stylus_support::{Error, Result};
 
 use super::Arguments;
 use crate::cli::device::record::{LIVE_SAMPLES, live};

@@ -3,14 +3,14 @@
 mod response;
 mod watch;
 
-use host_tools::link::settings::cap;
-use host_tools::support::error::Result;
 use model_format::link::{
     Activity, ClockSource, DeviceInfo, FLASH_SUPPLY_MV, Fault, LEAST_BROWN_OUT_LEVEL, LeaseStatus, Levels,
     LinkCounters, Marks, MotionSource, MuteReason, OutputLimits, OutputStatus, SettingChange, SettingsChange,
     SettingsState, StartReport, Status, UpdatePhase, UpdateReport, UploadState,
 };
 use serde::Serialize;
+use stylus_link::link::settings::cap;
+use stylus_support::Result;
 
 use self::response::Summary;
 use super::connection::Link;

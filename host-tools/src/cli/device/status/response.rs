@@ -2,9 +2,9 @@
 
 use std::time::{Duration, UNIX_EPOCH};
 
-use host_tools::support::date::utc;
 use model_format::link::{ResponseState, StoredResponse};
 use serde::Serialize;
+use stylus_support::date::utc;
 
 /// A summary of the stored response.
 #[derive(Serialize)]

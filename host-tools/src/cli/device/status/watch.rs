@@ -2,14 +2,14 @@
 
 use std::time::{Duration, Instant};
 
-use host_tools::link::capture::{Calibration, Level, Loss, Stream};
-use host_tools::link::{Device, LinkError};
-use host_tools::support::error::{Error, Result};
-use host_tools::support::number::counted;
-use host_tools::support::progress;
-use host_tools::support::visible::{visible_json, visible_line};
 use model_format::link::{RecordError, Status};
 use serde::Serialize;
+use stylus_link::link::capture::{Calibration, Level, Loss, Stream};
+use stylus_link::link::{Device, LinkError};
+use stylus_support::number::counted;
+use stylus_support::progress;
+use stylus_support::visible::{visible_json, visible_line};
+use stylus_support::{Error, Result};
 
 use super::{Arguments, output};
 use crate::cli::interrupt::Interrupt;
