@@ -11,5 +11,4 @@ mod fed;
 mod limits;
 mod round_trip;
 mod scenes;
-mod size;
 mod walk;

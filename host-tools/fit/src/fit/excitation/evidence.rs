@@ -40,8 +40,8 @@ const HIGHEST_HZ: f64 = 1000.0;
 /// Samples of a window of 50 ms.
 const WINDOW: usize = 250;
 
-/// Number of stretches of noise of a trial that may be judged alone, and of one of [`MANY`] or more. With eight, a score
-/// is less certain, but then it is one of several wherever it decides.
+/// Number of stretches of noise of a trial that may be judged alone, and of one of [`MANY`] or more. With eight, a
+/// score is less certain, but then it is one of several wherever it decides.
 const STRETCHES: [usize; 2] = [25, 8];
 
 /// Number of a texture's trials from which on each needs fewer stretches: some six for each codebook.

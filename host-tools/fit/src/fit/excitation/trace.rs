@@ -87,10 +87,10 @@ pub(super) struct Trace {
 }
 
 impl Trace {
-    /// Returns the trace of one of the `trials` of a texture, `at` a node with these `codes`. It is limited so that its
-    /// loudest windows are at most [`MOST`] times as loud at the output as the signal's. `None` if its residual does not
-    /// come from the surface according to one of its `verdicts`, or if the trial is too short, silent, or predicted down
-    /// to its round-off.
+    /// Returns the trace of one of the `trials` of a texture, `at` a node with these `codes`. It is limited so that
+    /// its loudest windows are at most [`MOST`] times as loud at the output as the signal's. `None` if its residual
+    /// does not come from the surface according to one of its `verdicts`, or if the trial is too short, silent, or
+    /// predicted down to its round-off.
     pub fn of(
         signal: &Signal,
         at: (usize, usize),
