@@ -39,7 +39,7 @@ const PATIENCE_NS: u64 = 20 * SECOND;
 /// Longest time until the image has started.
 const START_NS: u64 = 2 * SECOND;
 
-/// Returns true in `tests/run long`.
+/// Returns true in `cargo tasks test-virtual-stylus --long`.
 pub fn long() -> bool {
     std::env::var_os("STYLUS_LONG").is_some()
 }
