@@ -15,7 +15,8 @@ const OSCILLATORS: u64 = 0x5802_4400;
 const WAITS: u32 = 4096;
 /// Largest number of instructions between two reads of a waiting loop.
 const WAIT_LOOP: u64 = 64;
-/// Instructions left out between two reads of a loop that is shortened: 3.2 µs of virtual time.
+/// Most instructions left out between two reads of a loop that is shortened: 3.2 µs of virtual time. A jump over all of
+/// a stretch once passed a tick's trigger by 12 µs.
 pub(super) const WAIT_INSTRUCTIONS: u32 = 640;
 
 /// Reads in a row by a loop, with nothing else on the bus in between.
@@ -65,11 +66,10 @@ impl Polls {
 
     /// Returns the number of instructions, at most `budget`, that can be left out because the core only polls or waits.
     pub(super) fn take(&mut self, budget: u32) -> Option<u32> {
-        let left_out = match self {
-            Self { count: POLLS.., .. } => budget,
-            Self { waits: WAITS.., .. } => budget.min(WAIT_INSTRUCTIONS),
-            _ => return None,
-        };
+        if !self.are_all() {
+            return None;
+        }
+        let left_out = budget.min(WAIT_INSTRUCTIONS);
         // The next read of a wait shortens it again at once, so one turn of the loop is executed between two jumps. The
         // instructions left out count as executed, or the next read would seem too far from this one.
         *self = Self {
