@@ -41,7 +41,8 @@ const HIGHEST_HZ: f64 = 1000.0;
 const WINDOW: usize = 250;
 
 /// Number of stretches of noise of a trial that may be judged alone, and of one of [`MANY`] or more. With eight, a
-/// score is less certain, but then it is one of several wherever it decides.
+/// score is less certain, but then mostly one of several that decide together. Alone it would be significant for 3 of
+/// 100 trials of noise, which then take up bytes for snippets that sound the same.
 const STRETCHES: [usize; 2] = [25, 8];
 
 /// Number of a texture's trials from which on each needs fewer stretches: some six for each codebook.
