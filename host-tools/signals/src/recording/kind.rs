@@ -60,7 +60,7 @@ pub(super) fn conversion(ending: &str) -> String {
 
 /// Files and names that are refused, by a sign in the refusal, the line that it names, or the first lines, which follow
 /// one another; and what they are, with the remedy.
-const SIGNS: [(&str, &str); 18] = [
+const SIGNS: [(&str, &str); 17] = [
     (
         "[ -~]\0[ -~]\0[ -~]\0",
         "it is UTF-16 without a mark at its beginning: save it as UTF-8",
@@ -114,10 +114,6 @@ const SIGNS: [(&str, &str); 18] = [
     (
         "^line [0-9]{2,}: [0-9]+ fields.*\n[-+.,;\t 0-9eE]+\n",
         "a row was not ended, or was cut, and the next stands behind it: remove this line",
-    ),
-    (
-        "(?i)mulaw|alaw|adpcm",
-        "`ffmpeg -i FILE -c:a pcm_s16le OUT.wav` converts its coding",
     ),
     ("[0-9]p[0-9]+.*'$", "a number has a point: rename 0p5 to 0.5"),
     ("(?s)^line 1: .*\0", "it is no text: export its samples as .csv"),

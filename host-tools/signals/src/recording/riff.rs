@@ -1,37 +1,26 @@
-//! The chunks of a WAV file that are needed to read its samples.
+//! The parts of a WAV file that are needed to read its samples: their format, and where they are.
 //!
-//! The reader of samples receives only the format and the samples. Chunks of titles, pictures and cue points never
-//! reach it, and every length that a header states is compared with the file before it determines the size of anything.
+//! Titles, pictures and cue points are passed by, and every length that a header states is compared with the file
+//! before it determines the size of anything.
 
-use std::io::{BufReader, Chain, Cursor, Read, Seek, SeekFrom};
+use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use stylus_support::bounded_file::Format;
 use stylus_support::files::Opened;
-use stylus_support::number::counted;
 use stylus_support::{Error, Result};
 
 use super::rate::MAX_CHANNELS;
-use super::rate::SampleRate;
 
-/// Longest format chunk, bytes; the extensible format takes 40.
-const MOST_FORMAT_BYTES: u32 = 128;
+/// Longest beginning of a part that is read, bytes: the extensible format takes 40.
+const MOST_READ: u64 = 40;
 
-/// Longest fact chunk, bytes.
-const MOST_FACT_BYTES: u32 = 128;
-
-/// Largest number of chunks before the samples.
+/// Largest number of parts before the samples.
 const MOST_CHUNKS: usize = 1000;
-
-/// Widest sample, bytes: a float of double precision.
-const MOST_SAMPLE_BYTES: usize = 8;
 
 /// Least stated length of samples that means an unknown length: 2³¹ less the header, or more. Programs write such a
 /// length if they do not know it yet. Samples of this length would exceed the largest recording.
 const LEAST_UNKNOWN: u64 = 0x7fff_0000;
-
-/// Largest length of samples that a header can state, bytes; the largest 32-bit number means that there is no length.
-const MOST_BYTES: u64 = u32::MAX as u64 - 1;
 
 /// Least length of data after the samples that can be samples too, bytes: no title tag is as long.
 const LEAST_REST: u64 = 512;
@@ -42,30 +31,92 @@ const EXTENSIBLE: u16 = 0xfffe;
 /// Tag of integer samples.
 const PCM: u16 = 1;
 
-/// Offset of the tag within an extensible format chunk.
+/// Tag of float samples.
+const FLOAT: u16 = 3;
+
+/// Offset of the tag within an extensible format.
 const EXTENDED_FORMAT: usize = 24;
 
-/// The format and the samples of a WAV file.
+/// A WAV file whose header was read.
 pub(super) struct Wave {
-    /// Format and samples, as a separate WAV file.
-    pub samples: Chain<Cursor<Vec<u8>>, BufReader<Opened>>,
-    /// True for integer samples, whose acceleration at full scale the file does not state.
-    pub are_integers: bool,
+    /// The file, at its first sample.
+    pub file: BufReader<Opened>,
+    pub format: SampleFormat,
+    /// Number of frames that the header states; up to the file's end if it states none, or one that does not fit.
+    pub declared_frames: u64,
+    /// Number of these frames that are there.
+    pub held_frames: u64,
     /// True if a length in the header does not fit the file. If it is that of the samples, they are read to the file's
     /// end.
     pub is_unfinished: bool,
 }
 
-/// The chunks before the samples.
-#[derive(Default)]
-struct Head {
-    /// Bytes of the chunks that the reader of samples needs.
-    chunks: Vec<u8>,
-    /// Bytes of one sample on all channels.
-    frame_bytes: u64,
-    are_integers: bool,
-    /// Length of the samples in a file of more than 4 GiB, in which their chunk does not state it.
-    long_bytes: Option<u64>,
+/// How samples are written.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SampleFormat {
+    pub channels: usize,
+    pub rate_hz: u32,
+    /// Bytes of one sample of one channel.
+    pub sample_bytes: usize,
+    /// True for integer samples, whose acceleration at full scale the file does not state.
+    pub are_integers: bool,
+}
+
+impl SampleFormat {
+    /// Reads the content of the format's chunk in the file at `path`.
+    fn of(path: &Path, chunk: &[u8]) -> Result<Self> {
+        let refused = |problem: String| Err(Error::file(path, problem));
+        let word = |at: usize| {
+            let bytes = chunk.get(at..)?.first_chunk::<2>()?;
+            Some(u16::from_le_bytes(*bytes))
+        };
+        let tag = match word(0) {
+            Some(EXTENSIBLE) => word(EXTENDED_FORMAT),
+            tag => tag,
+        };
+        let numbers = (tag, word(2), word(4), word(6), word(14));
+        let (Some(tag), Some(channels), Some(low), Some(high), Some(bits)) = numbers else {
+            return refused("is not a readable WAV file: its format is cut off: convert it again".to_owned());
+        };
+        let channels = usize::from(channels);
+        if channels == 0 || channels > MAX_CHANNELS {
+            return refused(format!(
+                "{channels} channels: give 1 to {MAX_CHANNELS}, one per axis; `sox FILE.wav OUT.wav remix 1 2 3` keeps \
+                 the first three"
+            ));
+        }
+        if !matches!((tag, bits), (PCM, 1..=32) | (FLOAT, 32 | 64)) {
+            return refused(format!(
+                "its samples have coding {tag} with {bits} bits: `ffmpeg -i FILE -c:a pcm_s16le OUT.wav` converts it"
+            ));
+        }
+        Ok(Self {
+            channels,
+            rate_hz: u32::from(low) | u32::from(high) << 16,
+            sample_bytes: usize::from(bits.div_ceil(8)),
+            are_integers: tag == PCM,
+        })
+    }
+
+    /// Bytes of one sample of all channels.
+    pub fn frame_bytes(self) -> usize {
+        self.channels * self.sample_bytes
+    }
+
+    /// Returns the value of a sample. Floats are unchanged, and integers are divided by their full scale: both exactly.
+    pub fn value(self, sample: &[u8]) -> f64 {
+        match (self.are_integers, sample) {
+            (false, &[a, b, c, d]) => f32::from_le_bytes([a, b, c, d]).into(),
+            (false, _) => sample.first_chunk().map_or(0.0, |bytes| f64::from_le_bytes(*bytes)),
+            // Integers of 8 bits alone have no sign: silence is 128.
+            (true, &[byte]) => (f64::from(byte) - 128.0) / 128.0,
+            (true, _) => {
+                let mut wide = [0; 4];
+                wide[4 - sample.len()..].copy_from_slice(sample);
+                f64::from(i32::from_le_bytes(wide)) / 2f64.powi(31)
+            }
+        }
+    }
 }
 
 /// Opens the WAV file at `path`, and checks what its header states.
@@ -74,65 +125,74 @@ struct Head {
 /// lengths were never written, or are those that a program writes to a pipe, is read to its end.
 ///
 /// # Errors
-/// The file cannot be read, a chunk is longer than the file or than its kind can be, more than 1000 chunks precede the
-/// samples, or no recording has its format.
+/// The file cannot be read or is of another kind, a part is longer than the file, more than 1000 parts precede the
+/// samples or there are none, or no recording has its format.
 pub(super) fn open(path: &Path) -> Result<Wave> {
     let failed = |failure| Error::io("read", path)(failure);
     let file = Format::Wave.open(path)?;
     let file_bytes = file.size().map_err(failed)?;
     let mut left = file_bytes.saturating_sub(12);
     let mut file = BufReader::new(file);
-    let mut header = take(&mut file, 12).map_err(failed)?;
+    let header = take(&mut file, 12).map_err(failed)?;
     let kinds = [b"RIFF", b"RF64", b"BW64"];
-    let is_wav = kinds.iter().any(|kind| header.starts_with(*kind)) && header.ends_with(b"WAVE");
-    let riff_bytes = header.get(4..).and_then(<[u8]>::first_chunk::<4>);
-    let riff_end = riff_bytes.map_or(0, |bytes| 8 + u64::from(u32::from_le_bytes(*bytes)));
-    if is_wav {
-        // Only the length that the samples' own chunk states is used.
-        header.splice(..8, [*b"RIFF", [u8::MAX; 4]].concat());
-    }
-    let mut head = Head::default();
-    // A file of another format is left for the reader of samples to refuse.
-    for _ in 0..if is_wav { MOST_CHUNKS } else { 0 } {
-        let chunk = take(&mut file, 8).map_err(failed)?;
-        left = left.saturating_sub(8);
-        match self::head(&chunk) {
-            // The reader of samples reports what is missing.
-            None => return Ok(head.wave(header, &chunk, file, false)),
-            Some((id, declared)) if id == *b"data" => {
-                let declared = head.length_of_samples(declared);
-                let held = held(&mut file, declared, left).map_err(failed)?;
-                // A recorder that was stopped may have cut the last frame.
-                let held = held.map(|bytes| bytes - bytes % head.frame_bytes.max(1));
-                let length = held.unwrap_or(declared).min(MOST_BYTES) as u32;
-                let end = file_bytes - left + u64::from(length);
-                // The length of the whole may include chunks after the samples and a padding byte.
-                let is_told = end..=file_bytes.max(end) + 1;
-                let is_unfinished =
-                    held.is_some() || (head.long_bytes.is_none() && declared <= left && !is_told.contains(&riff_end));
-                let chunk = [*b"data", length.to_le_bytes()].concat();
-                return Ok(head.wave(header, &chunk, file, is_unfinished));
-            }
-            Some((id, length)) if u64::from(length) > left => {
-                let problem = format!(
-                    "its header declares a part '{}' of {length} bytes, and {left} bytes follow: copy or convert it \
-                     again",
-                    id.escape_ascii()
-                );
-                return Err(Error::file(path, problem));
-            }
-            Some((_, length)) => {
-                let padded = u64::from(length) + u64::from(length % 2);
-                left = left.saturating_sub(padded);
-                head.read(path, &mut file, &chunk, padded)?;
-            }
-        }
-    }
-    if is_wav {
-        let problem = format!("has more than {MOST_CHUNKS} parts before its samples: convert it again");
+    if !(kinds.iter().any(|kind| header.starts_with(*kind)) && header.ends_with(b"WAVE")) {
+        let problem = "is not a readable WAV file: it begins as another kind of file; `ffmpeg -i FILE OUT.wav` \
+                       converts sound";
         return Err(Error::file(path, problem));
     }
-    Ok(head.wave(header, &[], file, false))
+    let riff_bytes = header.get(4..).and_then(<[u8]>::first_chunk::<4>);
+    let riff_end = riff_bytes.map_or(0, |bytes| 8 + u64::from(u32::from_le_bytes(*bytes)));
+    let mut format = None;
+    // Length of the samples in a file of more than 4 GiB, in which their part does not state it.
+    let mut long_bytes = None;
+    for _ in 0..MOST_CHUNKS {
+        let Some((id, length)) = head(&take(&mut file, 8).map_err(failed)?) else {
+            return Err(Error::file(path, "holds no samples"));
+        };
+        left = left.saturating_sub(8);
+        if id == *b"data" {
+            let format: SampleFormat =
+                format.ok_or_else(|| Error::file(path, "states no format of its samples: convert it again"))?;
+            let declared = long_bytes.filter(|_| length == u32::MAX).unwrap_or(length.into());
+            let held = held(&mut file, declared, left).map_err(failed)?;
+            let length = held.unwrap_or(declared);
+            let end = file_bytes - left + length;
+            // The length of the whole may include parts after the samples and a padding byte.
+            let is_told = end..=file_bytes.max(end) + 1;
+            let is_other = long_bytes.is_none() && declared <= left && !is_told.contains(&riff_end);
+            // A recorder that was stopped may have cut the last frame.
+            let frames = |bytes: u64| bytes / format.frame_bytes() as u64;
+            return Ok(Wave {
+                file,
+                format,
+                declared_frames: frames(length),
+                held_frames: frames(length.min(left)),
+                is_unfinished: held.is_some() || is_other,
+            });
+        }
+        if u64::from(length) > left {
+            let problem = format!(
+                "its header declares a part '{}' of {length} bytes, and {left} bytes follow: copy or convert it again",
+                id.escape_ascii()
+            );
+            return Err(Error::file(path, problem));
+        }
+        let padded = u64::from(length) + u64::from(length % 2);
+        left = left.saturating_sub(padded);
+        let content = take(&mut file, padded.min(MOST_READ)).map_err(failed)?;
+        skip(&mut file, padded - content.len() as u64).map_err(failed)?;
+        match &id {
+            b"fmt " => format = Some(SampleFormat::of(path, &content)?),
+            b"ds64" => {
+                // The length of the whole file comes first.
+                let bytes = content.get(8..).and_then(<[u8]>::first_chunk::<8>);
+                long_bytes = bytes.map(|bytes| u64::from_le_bytes(*bytes));
+            }
+            _ => {}
+        }
+    }
+    let problem = format!("has more than {MOST_CHUNKS} parts before its samples: convert it again");
+    Err(Error::file(path, problem))
 }
 
 /// Returns the length of the samples, `left` bytes, if they extend to the end of `file`; otherwise `None`. They do if
@@ -163,98 +223,6 @@ fn held(file: &mut BufReader<Opened>, declared: u64, left: u64) -> std::io::Resu
     Ok((!is_other).then_some(left))
 }
 
-impl Head {
-    /// Returns the length of the samples, bytes. Their own chunk states `declared`.
-    fn length_of_samples(&self, declared: u32) -> u64 {
-        self.long_bytes
-            .filter(|_| declared == u32::MAX)
-            .unwrap_or(declared.into())
-    }
-
-    /// Returns the file with these chunks, where `last` is the beginning of the last chunk.
-    fn wave(self, mut header: Vec<u8>, last: &[u8], file: BufReader<Opened>, is_unfinished: bool) -> Wave {
-        header.extend(self.chunks);
-        header.extend(last);
-        Wave {
-            samples: Cursor::new(header).chain(file),
-            are_integers: self.are_integers,
-            is_unfinished,
-        }
-    }
-
-    /// Reads the content of a `chunk` before the samples, `padded` bytes, or skips it.
-    fn read(&mut self, path: &Path, file: &mut BufReader<Opened>, chunk: &[u8], padded: u64) -> Result<()> {
-        let failed = |failure| Error::io("read", path)(failure);
-        let Some((id, length)) = head(chunk) else {
-            return Ok(());
-        };
-        let most = match &id {
-            b"fmt " => MOST_FORMAT_BYTES,
-            b"fact" => MOST_FACT_BYTES,
-            b"ds64" => {
-                let content = take(file, padded).map_err(failed)?;
-                // The length of the whole file comes first.
-                let bytes = content.get(8..).and_then(<[u8]>::first_chunk::<8>);
-                self.long_bytes = bytes.map(|bytes| u64::from_le_bytes(*bytes));
-                return Ok(());
-            }
-            _ => return skip(file, padded).map_err(failed),
-        };
-        if length > most {
-            let problem = format!(
-                "its header has a part '{}' of {length} bytes, where {most} can be: convert it again",
-                id.escape_ascii()
-            );
-            return Err(Error::file(path, problem));
-        }
-        let content = take(file, padded).map_err(failed)?;
-        if id == *b"fmt " {
-            check_format(path, &content)?;
-            let word = |at: usize| {
-                let bytes = content.get(at..)?.first_chunk::<2>()?;
-                Some(u16::from_le_bytes(*bytes))
-            };
-            let tag = match word(0) {
-                Some(EXTENSIBLE) => word(EXTENDED_FORMAT),
-                tag => tag,
-            };
-            self.are_integers = tag == Some(PCM);
-            self.frame_bytes = word(12).map_or(0, u64::from);
-        }
-        self.chunks.extend(chunk);
-        self.chunks.extend(content);
-        Ok(())
-    }
-}
-
-/// Checks the numbers of a format chunk that determine the size of the reader's memory. A chunk that is too short is
-/// left for that reader to refuse.
-fn check_format(path: &Path, format: &[u8]) -> Result<()> {
-    let [_, _, c0, c1, r0, r1, r2, r3, _, _, _, _, b0, b1, ..] = *format else {
-        return Ok(());
-    };
-    let channels = usize::from(u16::from_le_bytes([c0, c1]));
-    let rate_hz = u32::from_le_bytes([r0, r1, r2, r3]);
-    let frame_bytes = usize::from(u16::from_le_bytes([b0, b1]));
-    if channels == 0 || channels > MAX_CHANNELS {
-        let problem = format!(
-            "{channels} channels: give 1 to {MAX_CHANNELS}, one per axis; `sox FILE.wav OUT.wav remix 1 2 3` keeps the \
-             first three"
-        );
-        return Err(Error::file(path, problem));
-    }
-    if frame_bytes > channels * MOST_SAMPLE_BYTES {
-        let problem = format!(
-            "its header declares {frame_bytes} bytes for one sample of {}: convert it again",
-            counted(channels, "channel")
-        );
-        return Err(Error::file(path, problem));
-    }
-    let remedy = "mend its header, or convert it again";
-    let refused = |fault| Error::file(path, format!("its header states {fault}"));
-    SampleRate::new(f64::from(rate_hz), remedy).map(drop).map_err(refused)
-}
-
 /// Splits the header of a chunk into its name and the length of its content.
 fn head(chunk: &[u8]) -> Option<([u8; 4], u32)> {
     let (id, length) = chunk.split_first_chunk::<4>()?;
@@ -268,6 +236,7 @@ fn take(file: &mut impl Read, count: u64) -> std::io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-fn skip(file: &mut BufReader<Opened>, count: u64) -> std::io::Result<()> {
+/// Passes by `count` bytes.
+pub(super) fn skip(file: &mut BufReader<Opened>, count: u64) -> std::io::Result<()> {
     file.seek(SeekFrom::Current(count.cast_signed())).map(drop)
 }

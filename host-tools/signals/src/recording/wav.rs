@@ -1,21 +1,14 @@
 //! Recordings as WAV files, with integer or float samples of any width.
 
+use std::io::Read;
 use std::ops::Range;
 use std::path::Path;
 
 use stylus_support::{Error, Result};
-use symphonia::core::audio::Channels;
-use symphonia::core::codecs::audio::{AudioDecoder, AudioDecoderOptions};
-use symphonia::core::errors::Error as WavError;
-use symphonia::core::formats::{FormatOptions, FormatReader, TrackType};
-use symphonia::core::io::{MediaSourceStream, MediaSourceStreamOptions, ReadOnlySource};
-use symphonia::default::codecs::PcmDecoder;
-use symphonia::default::formats::WavReader;
 
 use super::defects::{Timing, Truncation};
-use super::kind::remedy;
-use super::rate::{MAX_CHANNELS, MAX_FRAMES, SampleRate, counts_before, length_fault};
-use super::riff::{self, Wave};
+use super::rate::{MAX_CHANNELS, SampleRate, counts_before, length_fault};
+use super::riff::{self, SampleFormat, Wave, skip};
 use super::source::{Cut, Source};
 use super::unit::{Stated, Unscaled};
 
@@ -42,51 +35,36 @@ fn is_of_sound_card(rate_hz: f64) -> bool {
 /// Reads the part of a WAV file within `cut`. Every sample is exact: float samples are unchanged, and integer samples
 /// are divided by their full scale. A given rate, Hz, counts before that of the header.
 pub(super) fn read(path: &Path, given_hz: Option<f64>, cut: &Cut) -> Result<Source> {
-    let Wave {
-        samples,
+    let mut wave = riff::open(path)?;
+    let SampleFormat {
+        rate_hz: told_hz,
+        sample_bytes,
         are_integers,
-        is_unfinished,
-    } = riff::open(path)?;
-    let file_bytes = samples.get_ref().1.get_ref().size().map_err(Error::io("open", path))?;
-    let samples = Box::new(ReadOnlySource::new(samples));
-    let stream = MediaSourceStream::new(samples, MediaSourceStreamOptions::default());
-    let mut format = WavReader::try_new(stream, FormatOptions::default()).map_err(|e| unusable(path, &e))?;
-    let track = format.default_track(TrackType::Audio);
-    let Some((track, parameters)) = track.and_then(|track| {
-        let parameters = track.codec_params.as_ref()?.audio()?;
-        Some((track, parameters))
-    }) else {
-        return Err(Error::file(path, "holds no samples"));
-    };
-    let declared_frames = track.num_frames;
-    let channel_count = parameters.channels.as_ref().map_or(1, Channels::count);
-    let bits = parameters.bits_per_sample.unwrap_or(8);
-    let frame_bits = u64::from(bits) * channel_count as u64;
-    let told_hz = f64::from(parameters.sample_rate.unwrap_or(0));
+        ..
+    } = wave.format;
+    let told_hz = f64::from(told_hz);
     let rate_hz = given_hz.unwrap_or(told_hz);
-    let rate = SampleRate::new(rate_hz, "convert it again").map_err(|fault| Error::file(path, fault))?;
-    let decoder = PcmDecoder::try_new(parameters, &AudioDecoderOptions::default()).map_err(|e| unusable(path, &e))?;
+    let remedy = "mend its header, or convert it again";
+    let rate = SampleRate::new(rate_hz, remedy).map_err(|fault| Error::file(path, fault))?;
     let (first, end) = cut.frames(rate_hz);
-    let held = (8 * file_bytes / frame_bits.max(8)) as usize;
-    let (channels, position) = decoded(path, &mut format, decoder, (first..end, held))?;
+    let (declared, held) = (wave.declared_frames, wave.held_frames);
     // Only the part that is used must be there.
-    if let Some(declared) = declared_frames
-        && (position as u64) < declared.min(end as u64)
-    {
-        let problem = format!("is truncated: it holds {position} of {declared} samples; copy or record it again");
+    if held < declared.min(end as u64) {
+        let problem = format!("is truncated: it holds {held} of {declared} samples; copy or record it again");
         return Err(Error::file(path, problem));
     }
-    let are_narrow = are_integers && bits == 32 && are_narrow(&channels);
+    let channels = samples(path, &mut wave, first as u64..held.min(end as u64))?;
+    let are_narrow = are_integers && sample_bytes == 4 && are_narrow(&channels);
     let is_of_sound_card = is_of_sound_card(told_hz) && channels.iter().flatten().all(|x| x.abs() <= 1.0);
     Ok(Source {
         rate,
         first_frame: first,
         channels,
         times_s: None,
-        truncation: declared_frames.and_then(|declared| truncation(declared, frame_bits, file_bytes)),
+        truncation: (held < declared).then_some(Truncation { declared, held }),
         stated: Stated::default(),
         unscaled: (are_integers || is_of_sound_card).then_some(Unscaled::OfFullScale),
-        remarks: (is_unfinished.then(|| UNFINISHED.to_owned()).into_iter())
+        remarks: (wave.is_unfinished.then(|| UNFINISHED.to_owned()).into_iter())
             .chain(are_narrow.then(|| NARROW.to_owned()))
             .chain(given_hz.and_then(|given_hz| counts_before(given_hz, "its header says", told_hz)))
             .collect(),
@@ -94,62 +72,30 @@ pub(super) fn read(path: &Path, given_hz: Option<f64>, cut: &Cut) -> Result<Sour
     })
 }
 
-fn unusable(path: &Path, failure: &WavError) -> Error {
-    let failure = format!("is not a readable WAV file: {failure}");
-    let remedy = remedy(&failure).map_or(String::new(), |words| format!("; {words}"));
-    Error::file(path, failure + &remedy)
-}
-
-/// Returns the samples of the `wanted` frames, by channel, and the number of frames that were read up to the end of
-/// these. The file has room for at most `held` frames.
-fn decoded(
-    path: &Path,
-    format: &mut WavReader<'_>,
-    mut decoder: PcmDecoder,
-    (wanted, held): (Range<usize>, usize),
-) -> Result<(Vec<Vec<f64>>, usize)> {
-    let mut channels: Vec<Vec<f64>> = Vec::new();
-    let (mut packet_channels, mut position) = (Vec::new(), 0usize);
-    while position < wanted.end {
-        let packet = match format.next_packet() {
-            Ok(Some(packet)) => packet,
-            Ok(None) => break,
-            // The caller judges a file that ends early by the number of its frames.
-            Err(WavError::IoError(e)) if e.kind() == std::io::ErrorKind::UnexpectedEof => break,
-            Err(e) => return Err(unusable(path, &e)),
-        };
-        let decoded = decoder.decode(&packet).map_err(|e| unusable(path, &e))?;
-        let (frames, planes) = (decoded.frames(), decoded.num_planes());
-        if planes > MAX_CHANNELS {
-            let problem = format!("{planes} channels: give 1 to {MAX_CHANNELS}, one per axis");
-            return Err(Error::file(path, problem));
-        }
-        decoded.copy_to_vecs_planar(&mut packet_channels);
-        // What the file has room for, and no more than a recording may have: growing would take twice the memory.
-        let most = wanted.len().min(held).min(MAX_FRAMES);
-        channels.resize_with(packet_channels.len(), || Vec::with_capacity(most));
-        let from = wanted.start.saturating_sub(position).min(frames);
-        let to = (wanted.end - position).min(frames);
-        for (channel, samples) in channels.iter_mut().zip(&packet_channels) {
-            channel.extend_from_slice(&samples[from..to.max(from)]);
-        }
-        let kept = channels.first().map_or(0, Vec::len);
-        if let Some(fault) = length_fault(kept as f64, channels.len()) {
-            return Err(Error::file(path, fault));
-        }
-        position += frames;
+/// Returns the samples of the `wanted` frames, which are there, by channel.
+fn samples(path: &Path, wave: &mut Wave, wanted: Range<u64>) -> Result<Vec<Vec<f64>>> {
+    let format = wave.format;
+    let count = wanted.end.saturating_sub(wanted.start);
+    if let Some(fault) = length_fault(count as f64, format.channels) {
+        return Err(Error::file(path, fault));
     }
-    Ok((channels, position))
-}
-
-/// Size of the shortest header, bytes.
-const LEAST_HEADER: u64 = 44;
-
-/// Returns the lengths of a file of `file_bytes` that cannot hold the frames that its header declares.
-fn truncation(declared: u64, frame_bits: u64, file_bytes: u64) -> Option<Truncation> {
-    let frame_bytes = (frame_bits / 8).max(1);
-    let held = file_bytes.saturating_sub(LEAST_HEADER) / frame_bytes;
-    (held < declared).then_some(Truncation { declared, held })
+    // In its final size, because growing would take twice the memory.
+    let channel = |_| Vec::with_capacity(count as usize);
+    let mut channels: Vec<Vec<f64>> = (0..format.channels).map(channel).collect();
+    let mut frame = [0; MAX_CHANNELS * size_of::<f64>()];
+    let frame = &mut frame[..format.frame_bytes()];
+    let mut read = || {
+        skip(&mut wave.file, wanted.start * frame.len() as u64)?;
+        for _ in 0..count {
+            wave.file.read_exact(frame)?;
+            for (channel, sample) in channels.iter_mut().zip(frame.chunks_exact(format.sample_bytes)) {
+                channel.push(format.value(sample));
+            }
+        }
+        Ok(())
+    };
+    read().map_err(Error::io("read", path))?;
+    Ok(channels)
 }
 
 #[cfg(test)]
@@ -157,7 +103,7 @@ mod tests {
     use super::*;
     use crate::recording::most_frames;
     use stylus_support::float_wav::float_wav;
-    use test_helpers::holds;
+    use test_helpers::{holds, new_file};
 
     /// A file with two channels.
     fn right() -> Vec<u8> {
@@ -179,10 +125,57 @@ mod tests {
     }
 
     fn read_bytes(file: &[u8]) -> Result<Source> {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.wav");
+        let (_folder, path) = new_file("a.wav");
         std::fs::write(&path, file).unwrap();
         read(&path, None, &Cut::WHOLE)
+    }
+
+    /// The file whose chunk of the format is `content`, with `data` as its samples.
+    fn of_format(content: &[u16], data: &[u8]) -> Vec<u8> {
+        let content = content.iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<_>>();
+        let lengths = [20 + content.len() + data.len(), content.len(), data.len()];
+        let [riff, format, samples] = lengths.map(|bytes| (bytes as u32).to_le_bytes());
+        let head = [b"RIFF", &riff[..], b"WAVEfmt ", &format, &content, b"data", &samples];
+        [head.concat(), data.to_vec()].concat()
+    }
+
+    #[test]
+    fn samples_of_every_width_are_exact_and_other_codings_are_refused_with_the_remedy() {
+        let (third, wide) = (1.0 / 3.0, i32::MIN.to_le_bytes());
+        for (tag, bits, sample, value) in [
+            (1, 8, &[0][..], -1.0),
+            (1, 8, &[129], 1.0 / 128.0),
+            // Twelve bits stand at the upper end of two bytes.
+            (1, 12, &[0x10, 0x80], 16.0 / 32768.0 - 1.0),
+            (1, 16, &[0xff, 0xff], -1.0 / 32768.0),
+            (1, 24, &[1, 0, 0x40], 0.5 + 2f64.powi(-23)),
+            (1, 32, &wide, -1.0),
+            (3, 32, &0.1f32.to_le_bytes(), f64::from(0.1f32)),
+            (3, 64, &f64::to_le_bytes(third), third),
+        ] {
+            let plain = [tag, 1, 5000, 0, 0, 0, 0, bits];
+            // In the extensible form with the number of used bits, a mask of channels, and the tag's long form.
+            let mut extended = [&plain[..], &[22, bits, 0, 0, tag], &[0; 7]].concat();
+            extended[0] = 0xfffe;
+            for format in [&plain[..], &extended] {
+                let found = read_bytes(&of_format(format, &sample.repeat(3))).unwrap();
+                assert_eq!(found.channels, [[value; 3]], "{format:?}");
+                assert_eq!(found.unscaled.is_some(), tag == 1);
+            }
+        }
+        for (tag, bits) in [(6, 8), (2, 4), (1, 33), (1, 0), (3, 16)] {
+            let refused = read_bytes(&of_format(&[tag, 1, 5000, 0, 0, 0, 0, bits], &[0; 64]));
+            holds(&refused.unwrap_err(), &["a.wav", &format!("coding {tag}"), "ffmpeg"]);
+        }
+        let end = of_format(&[1, 1, 5000, 0, 0, 0, 0, 16], &[]);
+        for (file, words) in [
+            (&b"ID3\x03 and so on"[..], "another kind"),
+            (&end[..12], "no samples"),
+            (&of_format(&[1, 1, 5000], &[0; 64]), "cut off"),
+            (&[&end[..12], &end[36..]].concat(), "no format"),
+        ] {
+            holds(&read_bytes(file).unwrap_err(), &["a.wav", words]);
+        }
     }
 
     #[test]
@@ -215,8 +208,7 @@ mod tests {
 
     #[test]
     fn the_longest_recording_takes_as_much_memory_whatever_its_channels() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.wav");
+        let (_folder, path) = new_file("a.wav");
         for channels in 1..=MAX_CHANNELS {
             let longest = most_frames(channels);
             for frames in [longest, longest + 1] {
