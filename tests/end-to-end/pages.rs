@@ -26,8 +26,11 @@ const PAGES: [(&str, &str); 6] = [
 /// The page of a board's first hour. It names options of `cargo tasks` too.
 const BRINGUP: &str = include_str!("../../firmware/BRINGUP.md");
 
-/// The source of `cargo tasks hil`, whose fields have the names of its options.
-const HIL: &str = include_str!("../../host-tools/tasks/src/hil.rs");
+/// The sources of `cargo tasks hil`, whose fields have the names of its options.
+const HIL: &str = concat!(
+    include_str!("../../host-tools/tasks/src/hil.rs"),
+    include_str!("../hil/src/main.rs")
+);
 
 /// Commands that only group other commands.
 const GROUPS: [&str; 2] = ["scene", "settings"];

@@ -1,7 +1,7 @@
 //! The image's tests on a real board, or on the virtual stylus: runs the package `hil` in `tests/hil` with the images,
 //! the probe or the emulator that it needs.
 
-use std::path::PathBuf;
+use std::ffi::OsString;
 use std::process::Command;
 
 use anyhow::Result;
@@ -11,40 +11,18 @@ use crate::firmware::{self, Image};
 use crate::toolchain::Toolchain;
 use crate::{process, virtual_stylus, workspace};
 
-/// Length of simultaneous upload, stream and playback on the virtual stylus, minutes of its own time.
-const VIRTUAL_MINUTES: f64 = 0.02;
-
-/// Length of simultaneous upload, stream and playback on a board, minutes.
-const BOARD_MINUTES: f64 = 10.0;
-
-/// Options of `cargo tasks hil`.
+/// Options of `cargo tasks hil`. All others are those of the program.
 #[derive(clap::Args)]
-#[expect(clippy::struct_excessive_bools, reason = "each is a switch of the command line")]
 pub struct Arguments {
-    /// The stylus: usb[:SERIAL], serial:PATH, tcp:HOST:PORT or usb-virtual:HOST:PORT
-    #[arg(long, env = "STYLUS_LINK", required_unless_present = "virtual_stylus")]
-    link: Option<String>,
     /// Flash the product's image by the probe first, and the one with faults on request for the tests of faults
     #[arg(long, conflicts_with = "virtual_stylus")]
     flash: bool,
     /// Start a virtual stylus in place of a board
     #[arg(long)]
     virtual_stylus: bool,
-    /// Length of upload, stream and play together, in minutes [default: 10; 0.02 with the virtual stylus]
-    #[arg(long)]
-    minutes: Option<f64>,
-    /// Write the report to this file, as JSON
-    #[arg(long)]
-    json_out: Option<PathBuf>,
-    /// Upload and activate this library at the end, because the tests overwrite both slots
-    #[arg(long)]
-    library: Option<PathBuf>,
-    /// Overwrite the libraries without a question
-    #[arg(long)]
-    yes: bool,
-    /// Move the output although no enable is wired, because no amplifier is connected; holds for this run alone
-    #[arg(long)]
-    no_amplifier: bool,
+    /// Arguments of the tests, behind these: `-- --help` lists them
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true, value_name = "ARGUMENTS")]
+    of_tests: Vec<OsString>,
 }
 
 /// Runs the suite.
@@ -70,25 +48,10 @@ pub fn run(board: &Board, arguments: &Arguments) -> Result<()> {
         suite.arg("--product-image").arg(product);
         suite.arg("--fault-image").arg(faults);
     }
-    let minutes = arguments.minutes.unwrap_or(if arguments.virtual_stylus {
-        VIRTUAL_MINUTES
-    } else {
-        BOARD_MINUTES
-    });
-    suite.args(["--board", board.name]);
-    suite.args(["--minutes", &minutes.to_string()]);
-    // The environment may name the link of a board, for other commands.
-    let link = arguments.link.iter().filter(|_| !arguments.virtual_stylus);
-    suite.args(link.flat_map(|link| ["--link", link]));
-    let files = [("--json-out", &arguments.json_out), ("--library", &arguments.library)];
-    for (option, file) in files {
-        if let Some(file) = file {
-            suite.arg(option).arg(file);
-        }
+    if arguments.virtual_stylus {
+        // The environment may name the link of a board, for other commands.
+        suite.env_remove("STYLUS_LINK");
     }
-    suite.args(arguments.yes.then_some("--yes"));
-    // No amplifier is connected to the virtual stylus.
-    let no_amplifier = arguments.no_amplifier || arguments.virtual_stylus;
-    suite.args(no_amplifier.then_some("--no-amplifier"));
+    suite.args(["--board", board.name]).args(&arguments.of_tests);
     process::run(&mut suite)
 }

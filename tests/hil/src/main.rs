@@ -30,11 +30,11 @@ const EMULATED_ANSWER: Duration = Duration::from_secs(6);
 #[command(name = "cargo tasks hil", bin_name = "cargo tasks hil")]
 struct Arguments {
     /// The stylus: usb[:SERIAL], serial:PATH, tcp:HOST:PORT or usb-virtual:HOST:PORT
-    #[arg(long, required_unless_present = "virtual_stylus")]
+    #[arg(long, env = "STYLUS_LINK", required_unless_present = "virtual_stylus")]
     link: Option<LinkAddress>,
-    /// Length of upload, stream and play together, in minutes
-    #[arg(long, default_value_t = 10.0)]
-    minutes: f64,
+    /// Length of upload, stream and play together, in minutes [default: 10; 0.02 with the virtual stylus]
+    #[arg(long)]
+    minutes: Option<f64>,
     /// Write the report to this file, as JSON
     #[arg(long)]
     json_out: Option<PathBuf>,
@@ -90,7 +90,8 @@ fn tested(arguments: &Arguments) -> Result<bool> {
     let mut bench = DeviceUnderTest::new(device, board, lengths(arguments), interrupt, |test: &Test| {
         println!("{test}");
     });
-    bench.no_amplifier = arguments.no_amplifier;
+    // None is connected to the virtual stylus.
+    bench.no_amplifier = arguments.no_amplifier || arguments.virtual_stylus.is_some();
     println!(
         "{} {} over {address}{}",
         bench.device.info().product,
@@ -163,8 +164,10 @@ fn connect(address: &LinkAddress, timeouts: Timeouts) -> Result<Device> {
 }
 
 fn lengths(arguments: &Arguments) -> Lengths {
-    let endurance_ms = (arguments.minutes * 60e3).max(0.0) as u64;
-    if arguments.virtual_stylus.is_some() {
+    let is_virtual = arguments.virtual_stylus.is_some();
+    let minutes = arguments.minutes.unwrap_or(if is_virtual { 0.02 } else { 10.0 });
+    let endurance_ms = (minutes * 60e3).max(0.0) as u64;
+    if is_virtual {
         Lengths {
             play_ms: 40,
             record_ms: 500,
