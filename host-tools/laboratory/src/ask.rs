@@ -152,7 +152,7 @@ pub fn answer(asked: &Asked, bytes: Vec<u8>) -> Result<Answer> {
         Asked::Admits { path, size } => {
             let format = match Kind::of(path) {
                 Some(Kind::Table) => Format::Table,
-                _ => Format::Wave,
+                Some(Kind::Wave) | None => Format::Wave,
             };
             format.admit(path, *size)?;
             Value::Null

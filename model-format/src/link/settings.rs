@@ -206,7 +206,16 @@ impl Setting {
             | Self::MuteRamp
             | Self::EnableWired => Some(Tighter::Lower),
             Self::AmplifierGain | Self::SoftStart => Some(Tighter::Higher),
-            _ => None,
+            Self::ForceZero
+            | Self::ForcePerVolt
+            | Self::PathPerCount
+            | Self::AccelerationZeroX
+            | Self::AccelerationZeroY
+            | Self::AccelerationZeroZ
+            | Self::AccelerationPerVoltX
+            | Self::AccelerationPerVoltY
+            | Self::AccelerationPerVoltZ
+            | Self::ContactThreshold => None,
         }
     }
 

@@ -132,37 +132,41 @@ impl<'a> Parts<'a> {
     /// Checks the parts of a texture with `nodes` nodes, and the rules between parts. Blocks,
     /// amplitudes of lines and values per node are checked later, in steps.
     pub fn check(&self, nodes: usize) -> Result<(), Problem> {
-        if let Some(levels) = self.levels {
-            levels.check()?;
-        }
-        if let Some(fine_theta) = self.fine_theta {
-            fine_theta.check(nodes)?;
-        }
-        if let Some(excitation) = self.excitation {
-            excitation.check(nodes)?;
-        }
-        if let Some(lines) = self.lines {
-            lines.check(nodes)?;
-        }
-        if let Some(tails) = self.tails {
-            tails.check(nodes)?;
-        }
-        if let Some(wander) = self.wander {
-            wander.check(self.lines.map_or(0, LinesPart::count))?;
-        }
-        Ok(())
+        // By name, so that no part is forgotten.
+        let Self {
+            levels,
+            fine_theta,
+            excitation,
+            lines,
+            tails,
+            wander,
+        } = *self;
+        levels.map_or(Ok(()), LevelsPart::check)?;
+        fine_theta.map_or(Ok(()), |part| part.check(nodes))?;
+        excitation.map_or(Ok(()), |part| part.check(nodes))?;
+        lines.map_or(Ok(()), |part| part.check(nodes))?;
+        tails.map_or(Ok(()), |part| part.check(nodes))?;
+        wander.map_or(Ok(()), |part| part.check(lines.map_or(0, LinesPart::count)))
     }
 
     /// The parts that the texture has, by ascending kind, each with the length of its content, bytes.
     pub fn lengths(&self) -> impl Iterator<Item = (PartKind, usize)> + use<> {
+        let Self {
+            levels,
+            fine_theta,
+            excitation,
+            lines,
+            tails,
+            wander,
+        } = self;
         let of = |kind, content: Option<&[u8]>| content.map(|content| (kind, content.len()));
         let parts = [
-            of(PartKind::Levels, self.levels.map(|part| part.0)),
-            of(PartKind::FineTheta, self.fine_theta.map(|part| part.0)),
-            of(PartKind::Excitation, self.excitation.map(|part| part.0)),
-            of(PartKind::Lines, self.lines.map(|part| part.0)),
-            of(PartKind::Tails, self.tails.map(|part| part.0)),
-            of(PartKind::Wander, self.wander.map(|part| part.0)),
+            of(PartKind::Levels, levels.map(|part| part.0)),
+            of(PartKind::FineTheta, fine_theta.map(|part| part.0)),
+            of(PartKind::Excitation, excitation.map(|part| part.0)),
+            of(PartKind::Lines, lines.map(|part| part.0)),
+            of(PartKind::Tails, tails.map(|part| part.0)),
+            of(PartKind::Wander, wander.map(|part| part.0)),
         ];
         parts.into_iter().flatten()
     }

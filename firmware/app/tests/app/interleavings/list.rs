@@ -5,14 +5,15 @@ use std::sync::LazyLock;
 use fake_stylus::device::{MOTION, change, play_request, response_for};
 use fake_stylus::library::{announcement, small_texture};
 use model_format::link::{
-    ActivateEndpoint, CyclesEndpoint, DEVELOPMENT_SEED, InfoEndpoint, KeepAliveTopic, ListEndpoint, ListRequest,
-    ListSceneEndpoint, MotionEndpoint, MotionSource, MotionTopic, PlayEndpoint, PlayRequest, ProbeLoad,
+    ActivateEndpoint, CyclesEndpoint, DEVELOPMENT_SEED, ENDPOINTS, InfoEndpoint, KeepAliveTopic, ListEndpoint,
+    ListRequest, ListSceneEndpoint, MotionEndpoint, MotionSource, MotionTopic, PlayEndpoint, PlayRequest, ProbeLoad,
     ProbeLoadEndpoint, ProbeStart, ProbeStartEndpoint, ProbeThrough, ProposalToken, RecordStartEndpoint,
     RecordStopEndpoint, ResponseChange, ResponseGetEndpoint, ResponseProposeEndpoint, ResponseSetEndpoint, Selection,
     SelfTestEndpoint, SelfTestRequest, Setting, SettingChange, Settings, SettingsApplyEndpoint, SettingsChange,
-    SettingsGetEndpoint, SettingsProposeEndpoint, SlotId, SlotsEndpoint, StatusEndpoint, StopEndpoint, UpdateBegin,
-    UpdateBeginEndpoint, UpdateCommitEndpoint, UpdateConfirmEndpoint, UpdateStateEndpoint, UploadAbortEndpoint,
-    UploadBegin, UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint, UploadProgressEndpoint,
+    SettingsGetEndpoint, SettingsProposeEndpoint, SlotId, SlotsEndpoint, StatusEndpoint, StopEndpoint, TOPICS_IN,
+    UpdateBegin, UpdateBeginEndpoint, UpdateCommitEndpoint, UpdateConfirmEndpoint, UpdateStateEndpoint,
+    UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint,
+    UploadProgressEndpoint,
 };
 use model_format::scene::{Scene, Surface};
 use model_format::{PlayRate, encode_with_scenes};
@@ -196,6 +197,15 @@ pub static REQUESTS: LazyLock<Vec<Request>> = LazyLock::new(|| {
         request("an unknown request", Key::for_path::<()>("nowhere"), &()),
     ]
 });
+
+#[test]
+fn no_request_of_the_link_is_missing_in_the_list() {
+    let requests = ENDPOINTS.endpoints.iter().map(|(path, request, _)| (path, request));
+    let topics = TOPICS_IN.topics.iter().map(|(path, key)| (path, key));
+    for (path, key) in requests.chain(topics) {
+        assert!(REQUESTS.iter().any(|request| request.key == *key), "{path}");
+    }
+}
 
 /// Bytes of the first chunk of an upload in two chunks.
 const HALF: usize = 64;

@@ -76,29 +76,44 @@ impl Unit {
     /// # Errors
     /// A recording that does not exist, or whose samples are in memory; a list of the rig's noise that cannot be read.
     pub fn path(&self, set: &RecordingSet, options: &Options, folder: &Path) -> Result<PathBuf> {
+        // By name, so that no option is forgotten.
+        let Options {
+            order,
+            conditioning,
+            silence_floor_m_s2,
+            drop,
+            lines,
+            floor,
+            floor_recording,
+            sample_rate_hz,
+            // Of these the analysis of a recording knows nothing.
+            excitation: _,
+            strict: _,
+            snap: _,
+        } = options;
         let mut hash = Fnv::default().then(&MAGIC).then(env!("CARGO_PKG_VERSION").as_bytes());
         hash = hash.then(&encoded(&(
             // Lags are computed up to the highest order alone, so `auto`, `bic` and 400 share results.
-            options.order.highest() as u64,
-            options.conditioning,
-            options.silence_floor_m_s2,
-            options.sample_rate_hz,
-            options.lines,
-            options.floor,
+            order.highest() as u64,
+            conditioning,
+            silence_floor_m_s2,
+            sample_rate_hz,
+            lines,
+            floor,
         ))?);
         // Dropped trials do not take part in the search for lines and in the estimate of the rig's noise.
-        if options.lines != Lines::None || options.floor != FloorChoice::None {
-            let mut dropped = options.drop.clone();
+        if *lines != Lines::None || *floor != FloorChoice::None {
+            let mut dropped = drop.clone();
             dropped.sort();
             hash = hash.then(&encoded(&dropped)?);
         }
-        let floor = match &options.floor_recording {
-            Some(path) if options.floor != FloorChoice::None => RecordingSet::open(std::slice::from_ref(path))?.trials,
+        let floor = match floor_recording {
+            Some(path) if *floor != FloorChoice::None => RecordingSet::open(std::slice::from_ref(path))?.trials,
             _ => Vec::new(),
         };
         for trial in self.trials.iter().map(|&index| &set.trials[index]).chain(&floor) {
             // A snapped speed is the node's; lines are sought at the measured one.
-            let line_speed = (options.lines != Lines::None).then(|| trial.line_speed_mm_s());
+            let line_speed = (*lines != Lines::None).then(|| trial.line_speed_mm_s());
             hash = hash.then(&encoded(&(inputs(trial)?, line_speed))?);
         }
         Ok(folder.join(format!("{:016x}.part", hash.value())))
