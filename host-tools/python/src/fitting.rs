@@ -36,9 +36,7 @@ pub fn fit<'py>(
 ) -> PyResult<Bound<'py, PyAny>> {
     let py = recordings.py();
     let options: Options = of_keywords(options, &[])?;
-    options.check_rate().map_err(raised)?;
-    // What was chosen by hand and exists only at 5 kHz was refused above. Automatic choices are left out.
-    let options = options.at_their_rate();
+    let options = options.at_their_rate().map_err(raised)?;
     let set = crate::recording::recordings(recordings)?;
     let (set, warnings) = set.snapped(options.snap).map_err(raised)?;
     // The library would refuse them only after the fit, which may take minutes.

@@ -88,11 +88,10 @@ const HELD_SIGNALS: usize = 128 << 20;
 /// # Errors
 /// The first trial that cannot be used; a texture of which no trial is used; with [`FloorChoice::Subtract`] a texture
 /// whose rig's noise is not known; with [`Options::strict`] the first trial with a verdict; more models than a library
-/// holds; options that [`Options::check_rate`] refuses.
+/// holds; options that [`Options::at_their_rate`] refuses.
 pub fn fit(set: &RecordingSet, options: &Options, progress: impl Fn(usize) + Sync) -> Result<Fit> {
-    options.check_rate()?;
+    let options = &options.at_their_rate()?;
     room::check(set, options)?;
-    let options = &options.at_their_rate();
     let most_held = match set.textures().len() {
         _ if !excitation::is_wanted(options) => 0,
         // Those of one texture are held while its lines are sought, and nothing else needs the room after that.

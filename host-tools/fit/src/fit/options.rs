@@ -146,37 +146,28 @@ pub(super) fn play_rate(rate_hz: u32) -> Result<PlayRate> {
 }
 
 impl Options {
-    /// Checks that everything that the options ask for can be fitted at their sample rate.
+    /// Returns the options for their sample rate: at another rate than 5 kHz without the automatic choices that exist
+    /// only there.
     ///
     /// # Errors
-    /// A rate that the stylus does not play; at another rate than 5 kHz, a choice that exists only at 5 kHz, which is
-    /// named.
-    pub fn check_rate(&self) -> Result<()> {
+    /// A rate that the stylus does not play; at another rate than 5 kHz, a choice by hand that exists only there, which
+    /// is named.
+    pub fn at_their_rate(&self) -> Result<Self> {
         let rate_hz = self.sample_rate_hz;
         if rate_hz == SAMPLE_RATE_HZ {
-            return Ok(());
+            return Ok(self.clone());
         }
         play_rate(rate_hz)?;
-        // `auto` is not refused but gives way; see `at_their_rate`.
         if self.excitation == ExcitationChoice::Snippets {
             return Err(Error::Request(format!(
                 "--excitation snippets is fitted at {SAMPLE_RATE_HZ} Hz alone: leave it out, or fit at that rate"
             )));
         }
-        Ok(())
-    }
-
-    /// Returns the options without the automatic choices that exist only at 5 kHz, if the rate is another.
-    #[must_use]
-    pub fn at_their_rate(&self) -> Self {
-        if self.sample_rate_hz == SAMPLE_RATE_HZ {
-            return self.clone();
-        }
-        Self {
+        Ok(Self {
             excitation: ExcitationChoice::Gaussian,
             lines: Lines::None,
             ..self.clone()
-        }
+        })
     }
 }
 

@@ -126,8 +126,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         return tell(&fit, &bytes, out, arguments.json);
     }
     let set = snapped(arguments.recordings.open()?, arguments.options.snap)?;
-    arguments.options.check_rate()?;
-    let options = arguments.options.at_their_rate();
+    let options = arguments.options.at_their_rate()?;
     if let Some(shard) = arguments.large.shard_to_map() {
         return parts::map_shard(&set, &options, shard, &arguments.large, arguments.json);
     }
