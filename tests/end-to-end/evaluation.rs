@@ -27,7 +27,7 @@ fn mean_of(test: &serde_json::Value, row: &str, measure: &str) -> f64 {
 fn removed_nodes_are_predicted_alike_by_any_number_of_threads_and_worse_than_a_nodes_own_model() {
     let bench = simulated();
     let run = |threads: &str, out: &str| {
-        let evaluate = "evaluate rig --leave-one-out --synthesis 2 --order 150 --json-out";
+        let evaluate = "evaluate rig --leave-one-out --synthesis 4 --order 150 --json-out";
         let mut command = bench.command(evaluate.split(' ').chain([out]));
         let output = command.env("RAYON_NUM_THREADS", threads).output().unwrap();
         assert!(output.status.success(), "{}", text(&output.stderr));

@@ -2,6 +2,8 @@
 
 use model_format::{LevelLaw, NodeFlags};
 
+use crate::linear_prediction::error_share;
+
 /// An all-pole model of a node: its reflection coefficients and the power of its output.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Model {
@@ -35,6 +37,11 @@ impl Model {
     /// Returns true for the model of silence.
     pub fn is_silent(&self) -> bool {
         self.flags.contains(NodeFlags::SILENT)
+    }
+
+    /// Returns the power of the prediction error, (m/s²)²: the share Π(1 - k²) of the output's power.
+    pub fn error_power(&self) -> f64 {
+        self.output_power * error_share(&self.reflection)
     }
 
     /// Returns the weighted mean of models; the weights add up to one.

@@ -10,7 +10,7 @@ use std::collections::HashMap;
 use model_format::{Library, MillimetresPerSecond, Newton, SAMPLE_RATE_HZ, Texture};
 use serde::Serialize;
 use stylus_dsp::high_pass::high_pass;
-use stylus_dsp::spectrum::{self, BAND_COUNT, BAND_LABELS_HZ};
+use stylus_dsp::spectrum::{self, BAND_COUNT, BAND_LABELS_HZ, DEFAULT_SMOOTHING_WIDTH_HZ};
 use stylus_dsp::sums::rms;
 use stylus_fit::fit::blocks::{Blocks, Part};
 use stylus_fit::fit::conditioning::Conditioning;
@@ -24,6 +24,7 @@ use stylus_signals::recording::{RecordingSet, Trial};
 use stylus_support::file_name::portable;
 use stylus_support::in_order::in_order;
 use stylus_support::nearest::{listed, nearly};
+use stylus_support::number::{not_negative, positive};
 use stylus_support::{Error, Result};
 
 use super::held_out::{Judge, JudgeKind, in_words};
@@ -40,22 +41,34 @@ use super::verdict;
 /// Beginning of a synthesis that no comparison uses, s: the frontier's filters begin at rest.
 pub(super) const WARM_UP_S: f64 = 0.5;
 
-/// Options of an evaluation.
-#[derive(Clone, Copy, Debug)]
+/// Options of an evaluation, which the command and Python have by this description.
+#[derive(Clone, Copy, Debug, clap::Args)]
 pub struct Options {
-    /// Conversion of the axes to one signal, as for the fit.
+    /// From three axes to one signal, as for the fit
+    #[command(flatten)]
     pub conditioning: Conditioning,
-    /// Full width of the Hann kernel that smooths amplitudes for the cost C, Hz.
+    /// Full width of the Hann kernel that smooths amplitudes for the cost C, in hertz
+    #[arg(
+        long = "smoothing",
+        value_name = "HZ",
+        value_parser = not_negative,
+        default_value_t = DEFAULT_SMOOTHING_WIDTH_HZ
+    )]
     pub smoothing_hz: f64,
-    /// Duration of each synthesis, s; it is longer if what judges it is longer. A longer synthesis gives more exact
-    /// band levels.
+    /// Least duration of each synthesis, in seconds, and half of it of removed nodes; band levels are more exact in
+    /// longer ones
+    #[arg(long = "synthesis", value_name = "S", value_parser = positive, default_value_t = 10.0)]
     pub synthesis_s: f64,
-    /// Seed of the syntheses; each trial has its own noise.
+    /// Seed of the noise; each trial has its own
+    #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Parts of each texture that the synthesis plays.
+    /// Parts of each texture that are played: all as fitted, none (Gaussian noise), or the residual and its level
+    /// without lines that are tied to position
+    #[arg(long, value_enum, default_value = "fitted")]
     pub played: Played,
     /// Duration of the excerpts of each trial and its synthesis that are kept for listening, s; none to keep no
     /// excerpts.
+    #[arg(skip)]
     pub excerpt_s: Option<f64>,
 }
 
@@ -63,7 +76,7 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             conditioning: Conditioning::default(),
-            smoothing_hz: spectrum::DEFAULT_SMOOTHING_WIDTH_HZ,
+            smoothing_hz: DEFAULT_SMOOTHING_WIDTH_HZ,
             synthesis_s: 10.0,
             seed: 1,
             played: Played::Fitted,

@@ -4,10 +4,10 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use host_tools::dsp::spectrum::DEFAULT_SMOOTHING_WIDTH_HZ;
 use host_tools::evaluation::evaluate::{self as evaluation, Evaluation};
 use host_tools::evaluation::held_out::{Chosen, chosen};
 use host_tools::evaluation::listening::{self, Answers, Compared, Design, Pair, plan};
+use host_tools::fit::conditioning::Conditioning;
 use host_tools::fit::inputs::{Input, files_behind};
 use host_tools::fit::record::FitRecord;
 use host_tools::recording::RecordingSet;
@@ -20,14 +20,12 @@ use host_tools::texture::library::decode_library;
 use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyDict};
 
-use crate::convert::{Several, choice, conditioning, made, not_negative, plain, positive};
+use crate::convert::{Several, choice, made, plain};
 use crate::error::{raised, refused, warn};
 use crate::library::Library;
+use crate::options::of_keywords;
 use crate::playing::LibraryLike;
 use crate::work::{self, Steps};
-
-// Literals below, so that `help` shows them.
-const _: () = assert!(DEFAULT_SMOOTHING_WIDTH_HZ == 20.0);
 
 /// Recordings, the library that is compared with them, and other takes that judge it.
 struct Judged {
@@ -129,15 +127,12 @@ fn warn_of_unused(py: Python<'_>, reasons: &[String]) -> PyResult<()> {
 /// Compares what the stylus plays with recordings that were not fitted, as `stylus evaluate` does.
 ///
 /// `recordings` are as in `fit`, and `library` is a `Library`, a `Fit`, or a path. `takes` are other recordings of the
-/// same trials, which judge the library instead. `reduce` and `high_pass` are those of the fit; `smoothing_hz` the full
-/// width of the Hann kernel that smooths amplitudes for C; `synthesis_s` the least duration of each synthesis, s;
-/// `played` 'fitted', 'gaussian' or 'residual', the parts of each texture that are played. With `report`, a folder,
-/// a page on it with pictures and sounds is written there, as with the command's --report; an earlier one is replaced
-/// with `overwrite` alone. `progress(done, total)` counts recordings.
+/// same trials, which judge the library instead. With `report`, a folder, a page on it with pictures and sounds is
+/// written there, as with the command's --report; an earlier one is replaced with `overwrite` alone.
+/// `progress(done, total)` counts recordings. Options:
 #[pyfunction]
 #[pyo3(signature = (
-    recordings, library, *, takes = None, reduce = "pca", high_pass = "auto", smoothing_hz = 20.0,
-    synthesis_s = 10.0, played = "fitted", seed = 1, report = None, overwrite = false, progress = None
+    recordings, library, *, takes = None, report = None, overwrite = false, progress = None, **options
 ))]
 #[expect(clippy::too_many_arguments, reason = "they are keywords")]
 pub fn evaluate<'py>(
@@ -145,24 +140,12 @@ pub fn evaluate<'py>(
     recordings: &Bound<'py, PyAny>,
     library: LibraryLike<'py>,
     takes: Option<&Bound<'py, PyAny>>,
-    reduce: &str,
-    high_pass: &str,
-    smoothing_hz: f64,
-    synthesis_s: f64,
-    played: &str,
-    seed: u64,
     report: Option<PathBuf>,
     overwrite: bool,
     progress: Option<&Bound<'py, PyAny>>,
+    options: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let options = evaluation::Options {
-        conditioning: conditioning(reduce, high_pass)?,
-        smoothing_hz: not_negative("smoothing_hz", smoothing_hz)?,
-        synthesis_s: positive("synthesis_s", synthesis_s)?,
-        seed,
-        played: choice("played", played)?,
-        ..evaluation::Options::default()
-    };
+    let options = of_keywords(options, &[])?;
     let library = library.library(py)?;
     let mut judged = Judged::new(recordings, library.get(), takes, options)?;
     let total = judged.set.trials.len();
@@ -196,10 +179,10 @@ pub fn evaluate<'py>(
 /// `library` is a `Library`, a `Fit`, or a path; `out` the HTML file to write, replaced with `overwrite` alone. With
 /// `recordings`, as in `fit`, their clips, spectra and C come too; clips are of `clips_s`, 0.1 to 10 s each, or as long
 /// as the page's size allows. `seed` is the one that the page begins with. `progress(done, total)` counts recordings.
+/// Options:
 #[pyfunction]
 #[pyo3(signature = (
-    library, out, *, recordings = None, clips_s = None, reduce = "pca", high_pass = "auto", seed = 1,
-    overwrite = false, progress = None
+    library, out, *, recordings = None, clips_s = None, seed = 1, overwrite = false, progress = None, **options
 ))]
 #[expect(clippy::too_many_arguments, reason = "they are keywords")]
 pub fn page<'py>(
@@ -208,13 +191,12 @@ pub fn page<'py>(
     out: PathBuf,
     recordings: Option<&Bound<'py, PyAny>>,
     clips_s: Option<f64>,
-    reduce: &str,
-    high_pass: &str,
     seed: u32,
     overwrite: bool,
     progress: Option<&Bound<'py, PyAny>>,
+    options: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let conditioning = conditioning(reduce, high_pass)?;
+    let conditioning: Conditioning = of_keywords(options, &[])?;
     let clips = match clips_s {
         None => rub_page::Clips::Budget,
         Some(seconds) if (0.1..=10.0).contains(&seconds) => rub_page::Clips::Seconds(seconds),
@@ -270,14 +252,14 @@ pub fn page<'py>(
 /// `recordings`, `library` and `takes` are as in `evaluate`; `out` is the HTML file to write, replaced with `overwrite`
 /// alone. `before` is another library to compare with, on `takes`. `pairs` are of 'recording-fitted',
 /// 'recording-gaussian', 'gaussian-fitted', 'recording-before' and 'before-fitted'; `trials` is their number per pair
-/// or staircase, 1 to 200, by default 12, 6 and 80 by design; `segment_s` the duration of a sound, s, at most 10. Warns
-/// of pairs that are left out. See `score`.
+/// or staircase, 1 to 200, by default 12, 6 and 80 by design; `segment_s` the duration of a sound, s, at most 10;
+/// `seed` that of order and noise. Warns of pairs that are left out. See `score`. Options:
 #[pyfunction]
 #[pyo3(signature = (
     recordings, library, out, *, takes = None, before = None, design = "abx", pairs = Several(Vec::new()),
-    trials = None, segment_s = 1.5, reduce = "pca", high_pass = "auto", seed = 1, overwrite = false
+    trials = None, segment_s = 1.5, seed = 1, overwrite = false, **options
 ), text_signature = "(recordings, library, out, *, takes=None, before=None, design='abx', pairs=(), trials=None, \
-    segment_s=1.5, reduce='pca', high_pass='auto', seed=1, overwrite=False)")]
+    segment_s=1.5, seed=1, overwrite=False, **options)")]
 #[expect(clippy::too_many_arguments, reason = "they are keywords")]
 pub fn compare<'py>(
     py: Python<'py>,
@@ -290,11 +272,11 @@ pub fn compare<'py>(
     pairs: Several<String>,
     trials: Option<usize>,
     segment_s: f64,
-    reduce: &str,
-    high_pass: &str,
     seed: u64,
     overwrite: bool,
+    options: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<usize> {
+    let conditioning = of_keywords(options, &[])?;
     let (design, pairs) = asked(design, &pairs.0, before.is_some())?;
     let options = listening::Options {
         design,
@@ -303,7 +285,7 @@ pub fn compare<'py>(
         ..trials_of(trials.unwrap_or(design.usual_trials()), segment_s)?
     };
     let evaluate = evaluation::Options {
-        conditioning: conditioning(reduce, high_pass)?,
+        conditioning,
         seed,
         ..evaluation::Options::default()
     };

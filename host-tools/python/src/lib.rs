@@ -53,7 +53,7 @@ mod native {
     #[pymodule_export]
     use crate::device::{Device, devices};
     #[pymodule_export]
-    use crate::evaluating::{compare, evaluate, page, read_answers, score};
+    use crate::evaluating::{read_answers, score};
     #[pymodule_export]
     use crate::library::Library;
     #[pymodule_export]
@@ -70,9 +70,12 @@ mod native {
     use crate::scene::Scene;
 
     use super::error;
+    use super::evaluating::{compare, evaluate, page};
     use super::fitting::{OF_TRIALS, fit, fit_strokes};
     use super::hatt::import_hatt;
     use super::options::described;
+    use host_tools::evaluation::evaluate as evaluation;
+    use host_tools::fit::conditioning::Conditioning;
     use host_tools::fit::{Options, hatt};
     use pyo3::prelude::*;
 
@@ -80,15 +83,16 @@ mod native {
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         error::add_to(module)?;
-        module.add("fit", described::<Options>(wrap_pyfunction!(fit, module)?, &[])?)?;
-        module.add(
-            "fit_strokes",
-            described::<Options>(wrap_pyfunction!(fit_strokes, module)?, &OF_TRIALS)?,
-        )?;
-        module.add(
-            "import_hatt",
-            described::<hatt::import::Options>(wrap_pyfunction!(import_hatt, module)?, &[])?,
-        )?;
+        for function in [
+            described::<Options>(wrap_pyfunction!(fit, module)?, &[]),
+            described::<Options>(wrap_pyfunction!(fit_strokes, module)?, &OF_TRIALS),
+            described::<hatt::import::Options>(wrap_pyfunction!(import_hatt, module)?, &[]),
+            described::<evaluation::Options>(wrap_pyfunction!(evaluate, module)?, &[]),
+            described::<Conditioning>(wrap_pyfunction!(page, module)?, &[]),
+            described::<Conditioning>(wrap_pyfunction!(compare, module)?, &[]),
+        ] {
+            module.add_function(function?)?;
+        }
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
         module.add("SAMPLE_RATE_HZ", model_format::SAMPLE_RATE_HZ)
     }

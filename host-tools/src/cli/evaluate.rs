@@ -4,11 +4,9 @@ use std::path::{Path, PathBuf};
 
 use model_format::{Library, Texture};
 use serde::Serialize;
-use stylus_dsp::spectrum::DEFAULT_SMOOTHING_WIDTH_HZ;
 use stylus_evaluation::evaluate::{self, Evaluation};
 use stylus_evaluation::held_out::{Chosen, Judge, chosen};
 use stylus_evaluation::leave_one_out::{self, LeaveOneOut, Prepared};
-use stylus_evaluation::played::Played;
 use stylus_evaluation::strokes::{Stroke, along_strokes};
 use stylus_evaluation::summary::{LIVELINESS_EXPLANATION, explanation};
 use stylus_evaluation::verdict;
@@ -26,7 +24,7 @@ use stylus_support::{Error, Result};
 use stylus_support::{atomic_file, progress};
 
 use super::files::Overwrite;
-use super::input::{Recordings, not_negative, positive, warn_of_unknown_levels};
+use super::input::{Recordings, warn_of_unknown_levels};
 use super::lines::{LINE_CHARS, folded_text, wrapped};
 use super::output::{is_full, print, to_json, warn, warn_of};
 use super::table::shown;
@@ -37,7 +35,12 @@ pub struct Arguments {
     #[command(flatten)]
     recordings: Recordings,
     /// Library to evaluate
-    #[arg(long, value_name = "LIB", required_unless_present = "leave_one_out")]
+    #[arg(
+        long,
+        value_name = "LIB",
+        required_unless_present = "leave_one_out",
+        required_if_eq_any([("played", "gaussian"), ("played", "residual")])
+    )]
     library: Option<PathBuf>,
     /// Also remove each inner node in turn, predict it from its neighbours, and evaluate the prediction
     #[arg(long)]
@@ -52,7 +55,7 @@ pub struct Arguments {
         value_name = "CSV",
         num_args = 1..,
         requires = "library",
-        conflicts_with_all = ["takes", "leave_one_out", "report", "played", "smoothing", "synthesis"]
+        conflicts_with_all = ["takes", "leave_one_out", "report", "played", "smoothing_hz", "synthesis_s"]
     )]
     strokes: Vec<PathBuf>,
     /// With --strokes: texture of the library that was stroked, if it has several
@@ -70,20 +73,7 @@ pub struct Arguments {
     #[command(flatten)]
     overwrite: Overwrite,
     #[command(flatten)]
-    conditioning: Conditioning,
-    /// Full width of the Hann kernel that smooths amplitudes for the cost C, in hertz
-    #[arg(long, value_name = "HZ", value_parser = not_negative, default_value_t = DEFAULT_SMOOTHING_WIDTH_HZ)]
-    smoothing: f64,
-    /// Least duration of each synthesis, in seconds [default: 10; 5 of removed nodes]
-    #[arg(long, value_name = "S", value_parser = positive)]
-    synthesis: Option<f64>,
-    /// Parts of each texture that are played: all as fitted, none (Gaussian noise), or the residual and its level
-    /// without lines that are tied to position
-    #[arg(long, value_enum, default_value = "fitted", requires = "library")]
-    played: Played,
-    /// Seed of the noise
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
+    judging: evaluate::Options,
 }
 
 /// The numbers of the evaluation and of the removed-node test.
@@ -166,14 +156,14 @@ fn evaluate_along_strokes(arguments: &Arguments, path: &Path) -> Result<()> {
         paths
             .iter()
             .zip(recordings)
-            .map(|(path, own)| Stroke::of(path, own, arguments.conditioning))
+            .map(|(path, own)| Stroke::of(path, own, arguments.judging.conditioning))
             .collect::<Result<Vec<_>>>()
     };
     let found = along_strokes(
         texture,
         &strokes(fitted, of_fit)?,
         &strokes(judges, of_judges)?,
-        arguments.seed,
+        arguments.judging.seed,
     )?;
     if let Some(json) = &arguments.json_out {
         atomic_file::write(json, to_json(&found).as_bytes())?;
@@ -193,13 +183,9 @@ fn evaluate_along_strokes(arguments: &Arguments, path: &Path) -> Result<()> {
 }
 
 fn removal_options(arguments: &Arguments) -> leave_one_out::Options {
-    let default = leave_one_out::Options::default();
     leave_one_out::Options {
-        conditioning: arguments.conditioning,
+        judging: arguments.judging,
         order: arguments.order,
-        smoothing_hz: arguments.smoothing,
-        synthesis_s: arguments.synthesis.unwrap_or(default.synthesis_s),
-        seed: arguments.seed,
     }
 }
 
@@ -207,20 +193,15 @@ fn evaluate_library(arguments: &Arguments, path: &Path, set: RecordingSet) -> Re
     let bytes = read_library(path)?;
     let library = decode_library(path, &bytes)?;
     warn_of_unknown_levels(library.textures());
-    let default = evaluate::Options::default();
     let options = evaluate::Options {
-        conditioning: arguments.conditioning,
-        smoothing_hz: arguments.smoothing,
-        synthesis_s: arguments.synthesis.unwrap_or(default.synthesis_s),
-        seed: arguments.seed,
-        played: arguments.played,
         // Only a report plays excerpts; otherwise they would take memory for nothing.
         excerpt_s: (arguments.report.as_ref()).and_then(|_| node_seconds(set.trials.len())),
+        ..arguments.judging
     };
     let record = FitRecord::beside(path, &bytes)?;
     let set = as_fitted(record.as_ref(), set)?;
     let takes = (arguments.recordings).open_takes(arguments.takes.as_ref())?;
-    let chosen = choose(&set, takes, record.as_ref(), arguments.conditioning)?;
+    let chosen = choose(&set, takes, record.as_ref(), arguments.judging.conditioning)?;
     let evaluation = evaluate_set(&set, &library, chosen.judges, record.as_ref(), &options)?;
     let removal = removal_options(arguments);
     let asked = arguments.leave_one_out;

@@ -2,14 +2,14 @@
 
 use super::LogSpectrum;
 use crate::fourier::{self, Complex};
-use crate::linear_prediction::{Prediction, corrected, error_share, step_up};
+use crate::linear_prediction::{Prediction, corrected, step_up};
 use crate::model::Model;
 
 impl LogSpectrum {
     /// Returns the spectrum of the output of `model`, which must not be silent, at `bins` frequencies. Their number
     /// must exceed the model's order.
     pub fn of_model_at(model: &Model, bins: usize) -> Self {
-        let error_power = error_power(model).ln();
+        let error_power = model.error_power().ln();
         let log = |bin: &Complex<f64>| error_power - bin.norm_sqr().max(f64::MIN_POSITIVE).ln();
         Self::from_values(denominator(model, bins).iter().map(log).collect())
     }
@@ -34,14 +34,9 @@ impl LogSpectrum {
 /// Returns the two-sided density of the output of `model` times the sample rate, at `bins` frequencies.
 /// [`LogSpectrum::of_model_at`] returns its logarithms.
 pub fn density_of_model(model: &Model, bins: usize) -> Vec<f64> {
-    let error_power = error_power(model);
+    let error_power = model.error_power();
     let density = |bin: &Complex<f64>| error_power / bin.norm_sqr().max(f64::MIN_POSITIVE);
     denominator(model, bins).iter().map(density).collect()
-}
-
-/// Power of the prediction error.
-fn error_power(model: &Model) -> f64 {
-    model.output_power * error_share(&model.reflection)
 }
 
 /// A(z) of `model` at `bins` frequencies.

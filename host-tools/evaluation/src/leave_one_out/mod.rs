@@ -15,37 +15,20 @@ mod prepared;
 mod results;
 mod run;
 
-use stylus_dsp::spectrum;
 use stylus_fit::fit::Order;
-use stylus_fit::fit::conditioning::Conditioning;
+
+use crate::evaluate;
 
 pub use play::Judged;
 pub use prepared::Prepared;
-pub use results::{LeaveOneOut, Outcome, PAPER_TABLE_I, PaperColumn, Removed, Row, Summary, summarise};
+pub use results::{LeaveOneOut, Outcome, Removed, Row, Summary, summarise};
 
 /// Options of the test.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
-    /// Conversion of three axes to one.
-    pub conditioning: Conditioning,
+    /// Options that an evaluation has, too. Each synthesis takes half of the duration there, and every method has the
+    /// same noise.
+    pub judging: evaluate::Options,
     /// Order of the models; the paper's is 400 for all.
     pub order: Order,
-    /// Full width of the Hann kernel that smooths amplitudes for the cost C, Hz.
-    pub smoothing_hz: f64,
-    /// Duration of each synthesis, s.
-    pub synthesis_s: f64,
-    /// Seed of the syntheses; each trial has its own noise, the same for every method.
-    pub seed: u64,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Self {
-            conditioning: Conditioning::default(),
-            order: Order::Fixed(model_format::limits::MAX_ORDER),
-            smoothing_hz: spectrum::DEFAULT_SMOOTHING_WIDTH_HZ,
-            synthesis_s: 5.0,
-            seed: 1,
-        }
-    }
 }

@@ -51,7 +51,7 @@ impl<'a> Prepared<'a> {
     pub fn new(set: &'a RecordingSet, options: &Options) -> Result<Self> {
         let fit_options = fit::Options {
             order: options.order,
-            conditioning: options.conditioning,
+            conditioning: options.judging.conditioning,
             // A removed node is predicted as a whole, the lines of its surface included.
             lines: Lines::None,
             ..fit::Options::default()

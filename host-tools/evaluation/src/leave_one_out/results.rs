@@ -50,11 +50,6 @@ impl Row {
     }
 }
 
-/// Returns the variance of the excitation of `model`, (m/s²)²: the share Π(1 - k²) of the output's power.
-pub(super) fn excitation(model: &Model) -> f64 {
-    model.output_power * error_share(&model.reflection)
-}
-
 /// Returns the paper's mean of `neighbours`. `None` if it is not stable, and so has no reflection coefficients.
 fn mean_of_predictors(neighbours: &[(f64, &Model)]) -> Option<Model> {
     let orders = neighbours.iter().map(|(_, model)| model.reflection.len());
@@ -68,7 +63,7 @@ fn mean_of_predictors(neighbours: &[(f64, &Model)]) -> Option<Model> {
     let reflection = step_down(&predictor)?;
     let variance: f64 = neighbours
         .iter()
-        .map(|(weight, model)| weight * excitation(model))
+        .map(|(weight, model)| weight * model.error_power())
         .sum();
     let output_power = variance / error_share(&reflection);
     Some(Model::new(reflection, output_power))
@@ -140,18 +135,11 @@ impl LeaveOneOut {
         textures
     }
 
-    /// Returns the paper's Table I together with the same test here.
+    /// Returns what the paper's Table I has, and more.
     pub fn table(&self) -> Table {
         let textures = self.textures();
         let cell = |mean: f64, deviation: f64| format!("{:.1} ± {:.1}", 100.0 * mean, 100.0 * deviation);
         let mut rows = Vec::new();
-        if let Some((by_texture, all)) = self.papers_figures() {
-            let mut row = vec!["the paper's figures, real recordings".to_owned()];
-            let columns = by_texture.into_iter().chain([Some(all)]);
-            row.extend(columns.map(|column| column.map_or(String::new(), |c| cell(c.mean_cost, c.cost_deviation))));
-            row.push(format!("{:.1e}", all.excitation_error));
-            rows.push(row);
-        }
         for row in &self.rows {
             let Some(all) = summarise(self, *row, None) else {
                 continue;
@@ -174,57 +162,7 @@ impl LeaveOneOut {
         let within = format!("within {AMPLITUDE_JND_DB} dB, %");
         headings.extend(["all", "σ² error, (m/s²)²", "not playable"]);
         headings.extend(["|band|, dB", &within, "LSD, dB"]);
-        Table::new("Table I of the paper, and the same test here", headings, rows)
-    }
-
-    /// The paper's figures for each of [`Self::textures`] that is simulated and has the name of one of the paper's, and
-    /// their mean; `None` if there are none.
-    fn papers_figures(&self) -> Option<(Vec<Option<PaperColumn>>, PaperColumn)> {
-        let column = |name: &str| {
-            let known = PAPER_TABLE_I.iter().find(|column| column.texture == name);
-            // A user's own recordings may have the same names, and are of other surfaces.
-            known.copied().filter(|_| self.simulated)
-        };
-        let by_texture: Vec<Option<PaperColumn>> = self.textures().into_iter().map(column).collect();
-        let shown: Vec<PaperColumn> = by_texture.iter().flatten().copied().collect();
-        let mean_of = |of: fn(&PaperColumn) -> f64| mean(shown.iter().map(of));
-        let all = PaperColumn {
-            texture: "all",
-            mean_cost: mean_of(|c| c.mean_cost),
-            cost_deviation: mean_of(|c| c.cost_deviation),
-            excitation_error: mean_of(|c| c.excitation_error),
-        };
-        (!shown.is_empty()).then_some((by_texture, all))
-    }
-}
-
-/// A column of the paper's Table I.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct PaperColumn {
-    /// The texture.
-    pub texture: &'static str,
-    /// Mean of C.
-    pub mean_cost: f64,
-    /// Standard deviation of C.
-    pub cost_deviation: f64,
-    /// Mean difference of the excitations' variances, in the paper's unit, which it does not name.
-    pub excitation_error: f64,
-}
-
-/// The paper's Table I (Romano, Yoshioka, Kuchenbecker, ICRA 2010).
-pub const PAPER_TABLE_I: [PaperColumn; 4] = [
-    paper("paper", 0.31, 0.12, 1.7e-4),
-    paper("organza", 0.29, 0.13, 1.5e-4),
-    paper("vinyl", 0.42, 0.20, 2.4e-4),
-    paper("denim", 0.36, 0.09, 2.2e-4),
-];
-
-const fn paper(texture: &'static str, mean_cost: f64, cost_deviation: f64, excitation_error: f64) -> PaperColumn {
-    PaperColumn {
-        texture,
-        mean_cost,
-        cost_deviation,
-        excitation_error,
+        Table::new("The test of the paper's Table I", headings, rows)
     }
 }
 
@@ -292,7 +230,6 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use test_helpers::near;
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(24))]
@@ -362,19 +299,5 @@ mod tests {
         test.removed[1].outcomes[1] = outcome(false, 0);
         let within = [Row::Own, Row::Paper].map(|row| summarise(&test, row, None).unwrap().bands_within_jnd);
         assert_eq!(within, [1.0, 0.5]);
-    }
-
-    #[test]
-    fn the_papers_figures_are_for_its_simulated_textures_and_averaged_over_what_is_shown() {
-        let figures = |textures: &[&str]| test_of(textures, true).papers_figures();
-        assert_eq!(test_of(&["paper", "denim"], false).papers_figures(), None);
-        assert_eq!(figures(&["felt"]), None);
-        let (by_texture, all) = figures(&["cork", "felt", "denim"]).unwrap();
-        assert_eq!(by_texture, [None, None, Some(PAPER_TABLE_I[3])]);
-        near(all.mean_cost, 0.36, 1e-12);
-        let names = PAPER_TABLE_I.map(|column| column.texture);
-        let (_, all) = figures(&names).unwrap();
-        near(all.mean_cost, 0.345, 1e-12);
-        near(all.cost_deviation, 0.135, 1e-12);
     }
 }

@@ -9,7 +9,7 @@ use stylus_support::file_name::portable;
 use super::Options;
 use super::play::{self, Judged};
 use super::prepared::{Prepared, Target};
-use super::results::{LeaveOneOut, Outcome, Removed, Row, excitation};
+use super::results::{LeaveOneOut, Outcome, Removed, Row};
 
 impl Prepared<'_> {
     /// Removes every inner node and predicts it by each method. Calls `progress` after each node.
@@ -27,7 +27,7 @@ impl Prepared<'_> {
             })
             .collect::<Result<_>>()?;
         Ok(LeaveOneOut {
-            smoothing: format!("Hann kernel, {} Hz wide", options.smoothing_hz),
+            smoothing: format!("Hann kernel, {} Hz wide", options.judging.smoothing_hz),
             order: match options.order {
                 Order::Auto => "chosen for each node".into(),
                 Order::Bayesian => "chosen for each node (BIC)".into(),
@@ -56,17 +56,17 @@ impl Prepared<'_> {
         let texture = &self.textures[target.texture];
         let own = texture.model(target.place);
         let model = row.model(own, &texture.neighbours(target.place));
-        let seed = options.seed.wrapping_add(target.trial as u64);
+        let seed = options.judging.seed.wrapping_add(target.trial as u64);
         let played = model
             .as_ref()
-            .map(|model| play::synthesis(model, options.synthesis_s, seed));
+            .map(|model| play::synthesis(model, options.judging.synthesis_s / 2.0, seed));
         let played = played.transpose()?.flatten();
         let model = model.filter(|_| played.is_some());
         let (recorded, range) = (&self.signals[target.trial], self.ranges[target.trial].as_ref());
         let judged = played
             .zip(range)
             .and_then(|(played, range)| play::judge(recorded, &played, range, options));
-        let error = |model: &Model| excitation(model) - excitation(own);
+        let error = |model: &Model| model.error_power() - own.error_power();
         Ok(Outcome {
             is_playable: judged.is_some(),
             order: model.as_ref().map_or(0, |model| model.reflection.len()),
