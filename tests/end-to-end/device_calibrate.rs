@@ -4,7 +4,7 @@ use std::io::{BufRead, BufReader, Lines, Write};
 use std::process::{Child, ChildStderr, ChildStdin};
 use std::time::Duration;
 
-use crate::support::{Bench, attached, holds, interrupt, json, near, wait_for};
+use crate::support::{Bench, attached, holds, interrupt, json, near, started, wait_for};
 use fake_stylus::{FakeStylus, Hand};
 
 /// Force of a weight of 100 g, N.
@@ -94,7 +94,7 @@ fn value(bench: &Bench, setting: &str) -> f64 {
 /// The sensor has 4 N/V and the wheel 0.02 mm per count. A stylus whose settings were never changed assumes 2 and 0.01.
 #[test]
 fn weights_and_a_distance_set_both_scales_in_one_change_and_are_measured_again() {
-    let (stylus, bench) = attached(FakeStylus::start());
+    let (stylus, bench) = started();
     let command = "calibrate --weights 100,200 --distance 50 --seconds 0.2 --json";
     let mut operator = Operator::new(&stylus, &bench, command);
     operator.hand.force_noise = 20;
@@ -123,7 +123,7 @@ fn weights_and_a_distance_set_both_scales_in_one_change_and_are_measured_again()
 
 #[test]
 fn what_cannot_be_is_refused_with_its_remedy_and_nothing_is_stored() {
-    let (stylus, bench) = attached(FakeStylus::start());
+    let (stylus, bench) = started();
     let command = "calibrate --weights 100 --seconds 0.2";
     let mut operator = Operator::new(&stylus, &bench, command);
     operator.weigh(&[("nothing", 0.0), ("100 g", WEIGHT_N), ("nothing", 0.1)]);
@@ -168,7 +168,7 @@ fn what_is_not_verified_is_told_with_what_is_stored() {
 
 #[test]
 fn zeros_of_the_accelerometer_are_judged_by_the_accelerometer_and_not_by_a_force_that_is_kept() {
-    let (stylus, bench) = attached(FakeStylus::start());
+    let (stylus, bench) = started();
     let command = "calibrate --resistance 8 --amplifier-gain 10 --power-limit 0.5 --seconds 0.2 --accelerometer \
                    --keep-force";
     let mut operator = Operator::new(&stylus, &bench, command);
@@ -187,7 +187,7 @@ fn zeros_of_the_accelerometer_are_judged_by_the_accelerometer_and_not_by_a_force
 
 #[test]
 fn what_is_asked_for_beside_a_response_is_set_and_told_if_the_response_fails() {
-    let (stylus, bench) = attached(FakeStylus::start());
+    let (stylus, bench) = started();
     let command = "calibrate --response --accelerometer --keep-force --seconds 0.2";
     let mut operator = Operator::new(&stylus, &bench, command);
     operator.turn_over(33_000);

@@ -4,7 +4,7 @@ use std::io::{BufRead, BufReader};
 use std::time::Duration;
 
 use crate::support::{
-    Bench, attached, connected, holds, interrupt, json, near, play_for, reported, scaled, text, wait_for,
+    Bench, attached, connected, holds, interrupt, json, near, play_for, reported, scaled, started, text, wait_for,
 };
 use fake_stylus::actuator::Actuator;
 use fake_stylus::library::{announcement, library};
@@ -15,7 +15,7 @@ use stylus_plant::Parameters;
 
 /// A stylus with an active library of one texture, and a folder that holds the library.
 pub fn ready() -> (FakeStylus, Bench) {
-    let (stylus, bench) = attached(FakeStylus::start());
+    let (stylus, bench) = started();
     bench.write("a.lib", library(1, 20, 1));
     bench.succeed("upload a.lib --activate");
     stylus.take_heard();
@@ -24,7 +24,7 @@ pub fn ready() -> (FakeStylus, Bench) {
 
 #[test]
 fn a_library_is_uploaded_listed_activated_and_shown() {
-    let (_stylus, bench) = attached(FakeStylus::start());
+    let (_stylus, bench) = started();
     let bytes = library(2, 30, 7);
     bench.write("a.lib", &bytes);
     let uploaded = bench.json("upload a.lib --json");
@@ -59,7 +59,7 @@ fn a_library_is_uploaded_listed_activated_and_shown() {
 
 #[test]
 fn an_abort_ends_the_upload_of_a_command_that_is_gone_and_says_how_far_it_was() {
-    let (stylus, bench) = attached(FakeStylus::start());
+    let (stylus, bench) = started();
     let bytes = library(1, 20, 3);
     let device = connected(&stylus);
     let slot = device.upload_begin(announcement(&bytes)).unwrap().slot;
@@ -232,7 +232,7 @@ fn a_play_asks_for_a_texture_or_a_scene_and_says_where_the_options_of_a_link_bel
 
 #[test]
 fn settings_are_shown_changed_read_back_and_reset() {
-    let (_stylus, bench) = attached(FakeStylus::start());
+    let (_stylus, bench) = started();
     let value = |arguments: &str| -> f64 {
         let shown = bench.json(&format!("settings {arguments} --json"));
         shown[0]["value"].as_f64().unwrap()
@@ -283,7 +283,7 @@ fn a_new_stylus_plays_nothing_until_one_command_sets_the_coil() {
 
 #[test]
 fn what_protects_less_is_shown_and_confirmed_and_what_protects_more_is_not_asked_for() {
-    let (_stylus, bench) = attached(FakeStylus::start());
+    let (_stylus, bench) = started();
     let value = |name: &str| {
         let shown = bench.succeed(&format!("settings get {name} --json"));
         json(&shown)[0]["value"].as_f64().unwrap() as f32
@@ -336,7 +336,7 @@ fn what_the_device_refuses_is_told_in_its_words_and_what_was_there_stays() {
 
 #[test]
 fn without_a_library_there_is_nothing_to_play_or_activate() {
-    let (_stylus, bench) = attached(FakeStylus::start());
+    let (_stylus, bench) = started();
     bench.refuse_each(
         "play --texture silk | no library is active
         slots --activate | no slot holds a library
@@ -361,7 +361,7 @@ fn what_is_wrong_before_the_device_is_asked_is_told_without_it() {
 #[cfg(unix)]
 #[test]
 fn a_monitor_shows_what_the_sensors_see_and_leaves_no_recording_behind() {
-    let (stylus, bench) = attached(FakeStylus::start());
+    let (stylus, bench) = started();
     stylus.set_hand(Hand {
         acceleration: vec![[32_000, 32_768, 32_768], [33_536, 32_768, 32_768]],
         ..Hand::moving(80.0, 1.5)

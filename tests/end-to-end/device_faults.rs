@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::support::{Bench, PLAY, attached, holds, interrupt, reported, text, wait_for};
+use crate::support::{Bench, PLAY, holds, interrupt, reported, started, text, wait_for};
 use fake_stylus::FakeStylus;
 use fake_stylus::flash::Damage;
 use fake_stylus::library::library;
@@ -12,7 +12,7 @@ use serde_json::Value;
 
 /// A stylus, and a folder with a library of about 100 KB.
 fn bench() -> (FakeStylus, Bench, Vec<u8>) {
-    let (stylus, bench) = attached(FakeStylus::start());
+    let (stylus, bench) = started();
     let bytes = library(1, 400, 3);
     bench.write("a.lib", &bytes);
     (stylus, bench, bytes)
@@ -170,7 +170,7 @@ type Disguise = fn(&mut DeviceInfo);
 
 /// Returns the message that a user of a device with `disguise` receives.
 fn said_to(disguise: Disguise, arguments: &str) -> String {
-    let (stylus, bench) = attached(FakeStylus::start());
+    let (stylus, bench) = started();
     bench.write("a.lib", library(1, 4, 3));
     stylus.fail(|faults| faults.disguise = Some(disguise));
     let message = bench.refuse(arguments);
@@ -244,7 +244,7 @@ fn playing_over_a_slow_link_leaves_motions_out_instead_of_carrying_them_later_an
 
 #[test]
 fn the_last_library_that_can_be_read_is_replaced_only_where_the_user_asks_for_it() {
-    let (stylus, bench) = attached(FakeStylus::start());
+    let (stylus, bench) = started();
     for (name, seed) in [("a.lib", 1), ("b.lib", 2), ("c.lib", 3)] {
         bench.write(name, library(1, 4, seed));
     }

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::process::{Child, Output};
 use std::time::Duration;
 
-use crate::support::{Bench, all_pole, attached, holds, interrupt, near, noise, reported, text, wait_for};
+use crate::support::{Bench, all_pole, holds, interrupt, near, noise, reported, started, text, wait_for};
 use fake_stylus::{FakeStylus, Hand};
 use model_format::AdcCode;
 use serde_json::Value;
@@ -28,7 +28,7 @@ fn hand(speed_mm_s: f64, force_n: f64) -> Hand {
 
 /// A stylus that a hand moves at 100 mm/s and 1 N, and a folder whose commands use its link.
 fn moved() -> (FakeStylus, Bench) {
-    let (stylus, bench) = attached(FakeStylus::start());
+    let (stylus, bench) = started();
     stylus.set_hand(hand(100.0, 1.0));
     (stylus, bench)
 }
@@ -50,7 +50,7 @@ fn samples(bench: &Bench, trial: usize) -> Vec<Vec<f64>> {
 
 #[test]
 fn what_is_recorded_is_what_was_on_the_pins_and_a_fit_takes_it() {
-    let (stylus, bench) = attached(FakeStylus::start());
+    let (stylus, bench) = started();
     for (speed, force) in [(120.0, 1.0), (60.0, 1.0), (60.0, 0.5)] {
         let hand = hand(speed, force);
         stylus.set_hand(hand.clone());
@@ -205,7 +205,7 @@ fn a_recording_that_was_to_be_made_again_is_told_as_long_as_it_is_in_the_folder(
 
 #[test]
 fn triage_judges_each_trial_when_it_is_there() {
-    let (stylus, bench) = attached(FakeStylus::start());
+    let (stylus, bench) = started();
     let clipped = |(index, codes): (usize, [u16; 3])| {
         let top = if (index / 20).is_multiple_of(2) {
             65_535
@@ -285,7 +285,7 @@ fn columns(bench: &Bench, name: &str) -> Vec<[f64; 6]> {
 
 #[test]
 fn a_free_hands_strokes_are_recorded_cut_and_fitted() {
-    let (stylus, bench) = attached(FakeStylus::start());
+    let (stylus, bench) = started();
     for (name, speed, force) in [("a.csv", 120.0, 1.0), ("b.csv", 60.0, 0.6)] {
         stylus.set_hand(hand(speed, force));
         let record = format!("record {name} --strokes --seconds 1.5 --json");
@@ -336,7 +336,7 @@ fn ctrl_c_ends_strokes_and_keeps_them_and_what_the_link_loses_is_a_hole() {
 
 #[test]
 fn a_duration_that_no_recording_can_have_is_refused_before_memory_is_taken_for_it() {
-    let (_stylus, bench) = attached(FakeStylus::start());
+    let (_stylus, bench) = started();
     for command in [
         "record set --texture silk --speeds 100 --forces 1 --yes",
         "record strokes.csv --strokes",

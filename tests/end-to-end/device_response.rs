@@ -4,7 +4,7 @@ use std::cell::Cell;
 use std::thread;
 use std::time::Duration;
 
-use crate::support::{attached, connected, holds};
+use crate::support::{connected, holds, started};
 use fake_stylus::FakeStylus;
 use fake_stylus::device::response_for;
 use fake_stylus::library::texture;
@@ -20,7 +20,7 @@ use serde_json::Value;
 
 #[test]
 fn a_response_is_proved_by_a_probe_stored_shown_and_removed() {
-    let (stylus, bench) = attached(FakeStylus::start());
+    let (stylus, bench) = started();
     let device = connected(&stylus);
     let response = response_for(&device.settings().unwrap());
     let id = device.propose_response(&response).unwrap();

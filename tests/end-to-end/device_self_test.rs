@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::support::{Bench, attached, connected, holds, json, text};
+use crate::support::{Bench, connected, holds, json, started, text};
 use fake_stylus::library::library;
 use fake_stylus::{Board, FakeStylus, Hand};
 use host_tools::procedures::self_test::{self, Options, Verdict};
@@ -22,7 +22,7 @@ fn lying() -> Hand {
 
 /// A device on `board` that lies still.
 fn on(board: Board) -> (FakeStylus, Bench) {
-    let (stylus, bench) = attached(FakeStylus::start());
+    let (stylus, bench) = started();
     stylus.set_hand(lying());
     stylus.set_board(board);
     (stylus, bench)

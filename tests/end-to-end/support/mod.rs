@@ -193,6 +193,11 @@ pub fn attached(stylus: FakeStylus) -> (FakeStylus, Bench) {
     (stylus, bench)
 }
 
+/// A fake stylus with its defaults, and a folder whose commands use its link.
+pub fn started() -> (FakeStylus, Bench) {
+    attached(FakeStylus::start())
+}
+
 /// Connects this process to `stylus`.
 pub fn connected(stylus: &FakeStylus) -> Device {
     let address = stylus.link().parse().expect("it is an address");

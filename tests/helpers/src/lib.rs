@@ -1,13 +1,23 @@
 //! Signals, a library and assertions that tests of several crates share.
 
+use std::path::PathBuf;
+
 use model_format::{CodeSpec, Library, NodeFlags, NodeSpec, Texture, TextureSpec, encode};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
+use tempfile::TempDir;
 
 /// Gaussian noise of unit variance.
 pub fn noise(seed: u64, samples: usize) -> Vec<f64> {
     let generator = rand_pcg::Pcg64::seed_from_u64(seed);
     StandardNormal.sample_iter(generator).take(samples).collect()
+}
+
+/// A path in a new folder, which is removed with the value beside it.
+pub fn new_file(name: &str) -> (TempDir, PathBuf) {
+    let folder = tempfile::tempdir().expect("there is room for a folder");
+    let path = folder.path().join(name);
+    (folder, path)
 }
 
 /// Passes `excitation` through a pair of poles at this angle, rad per sample, and radius:

@@ -1,17 +1,16 @@
 //! Fed textures in scenes: slots, transitions, changes of plans.
 
-use model_format::scene::Scene;
-use model_format::{Library, PartsSpec, TextureSpec, encode_with_scenes};
+use model_format::{PartsSpec, TextureSpec, encode_with_scenes};
 use stylus_kernel::arithmetic::Portable;
 use stylus_kernel::feed::{Feed, Material};
 use stylus_kernel::grid::GridPoint;
 use stylus_kernel::lattice::LatticeState;
-use stylus_kernel::scene::{Plan, ScenePlayer};
+use stylus_kernel::scene::ScenePlayer;
 use stylus_kernel::{Frame, Levels, Playback};
 
 use crate::fed::{all_parts, alternating, bare, bare_of, decibels, encoded, fed_h3, mean_square};
 use crate::models::{motion, texture};
-use crate::scenes::{at, block, lifted, moving, resonant, side_by_side};
+use crate::scenes::{at, block, lifted, moving, plan, resonant, side_by_side};
 
 /// A plain texture, and fed ones that differ in their parts.
 fn textures() -> Vec<TextureSpec> {
@@ -25,11 +24,6 @@ fn textures() -> Vec<TextureSpec> {
 
 pub fn library() -> Vec<u8> {
     encode_with_scenes(&textures(), &[]).expect("valid textures")
-}
-
-fn plan<'a>(bytes: &'a [u8], scene: &Scene) -> Plan<'a> {
-    let library = Library::decode(bytes).expect("a valid library");
-    Plan::new(scene, &library).expect("a valid scene")
 }
 
 /// Tests every pair of parts: both voices in a transition, each alone far from it, and the way back. The two voices

@@ -172,7 +172,7 @@ mod tests {
     use super::super::motion::MotionPath;
     use super::super::render::test_motions::constant;
     use super::*;
-    use test_helpers::{library, texture};
+    use test_helpers::{library, new_file, texture};
 
     fn rendering<'a>(library: &'a [u8], motion: &'a MotionPath) -> Rendering<'a> {
         Rendering::new(texture(library), motion, 1.0, 3).unwrap()
@@ -181,8 +181,7 @@ mod tests {
     #[test]
     fn the_file_has_the_voltages_of_the_codes_that_the_safety_stages_give() {
         let (library, motion) = (library(5000), constant(90.0, 0.8));
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("pin.wav");
+        let (_folder, path) = new_file("pin.wav");
         let settings = settings([("output-gain", 0.02), ("soft-start", 1.0)]).unwrap();
         let summary = render_pin_wav(&mut rendering(&library, &motion), &settings, &path).unwrap();
         assert_eq!((summary.codes, summary.saturations), (40_000, 0));

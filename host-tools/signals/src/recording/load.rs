@@ -41,7 +41,11 @@ pub fn read_at(trial: &Trial, model_rate_hz: u32) -> Result<Samples> {
     };
     let (mut axes, mut times_s, mut remarks) = (source.channels, source.times_s, source.remarks);
     if axes.first().is_none_or(Vec::is_empty) {
-        let problem = format!("holds no samples after {} s: give an earlier start_s", cut.start_s);
+        let problem = if cut.start_s > 0.0 {
+            format!("holds no samples after {} s: give an earlier start_s", cut.start_s)
+        } else {
+            "holds no samples".to_owned()
+        };
         return Err(Error::file(path, problem));
     }
     check_finite(path, &axes, source.first_frame)?;
@@ -219,6 +223,7 @@ mod tests {
     use super::*;
     use crate::recording::{triage, unit};
     use stylus_support::float_wav::float_wav;
+    use test_helpers::{holds, new_file};
 
     /// Samples of 2 s at 8 kHz in single precision, on two axes, with a clipped peak.
     fn axes() -> [Vec<f64>; 2] {
@@ -230,8 +235,7 @@ mod tests {
 
     #[test]
     fn samples_in_memory_are_read_as_those_of_a_wav_file() {
-        let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("a.wav");
+        let (_folder, file) = new_file("a.wav");
         let axes = axes();
         let samples = (0..16_000).flat_map(|n| [axes[0][n], axes[1][n]]);
         std::fs::write(&file, float_wav(2, 8000, samples).unwrap()).unwrap();
@@ -267,8 +271,8 @@ mod tests {
         };
         let (axes, remarks) = held("time_s,accel_x_g,force_n", 2e-4);
         assert_eq!((axes.len(), axes[0][1]), (1, 0.3f64.sin() * G));
-        test_helpers::holds(&remarks, &["force_n", "left out", "converted from g"]);
-        test_helpers::holds(&held("time_s,accel_x_g,force_n", 1e-3).1, &["times", "5000 Hz"]);
+        holds(&remarks, &["force_n", "left out", "converted from g"]);
+        holds(&held("time_s,accel_x_g,force_n", 1e-3).1, &["times", "5000 Hz"]);
     }
 
     /// A sensor: the offset of each axis and the quantisation step, g; and the gain.
@@ -294,8 +298,7 @@ mod tests {
 
     /// The samples that are read from a table of samples with this header.
     fn of_table(header: Option<String>, axes: &[Vec<f64>], scale: Option<&str>) -> Samples {
-        let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("a.tsv");
+        let (_folder, file) = new_file("a.tsv");
         let mut text = header.map_or(String::new(), |header| header + "\n");
         for n in 0..axes[0].len() {
             let row: Vec<String> = axes.iter().map(|axis| axis[n].to_string()).collect();
@@ -359,10 +362,10 @@ mod tests {
         let read = of_table(header(), &axes, Some("g"));
         assert_eq!(read.axes[0][0], 0.5 * G);
         assert!(read.account.remarks.is_empty());
-        test_helpers::holds(&read.account.doubts.concat(), &["mm/s²", "9.80665"]);
+        holds(&read.account.doubts.concat(), &["mm/s²", "9.80665"]);
         assert!(of_table(header(), &axes, Some("0.001")).account.doubts.is_empty());
         let volts = of_table(Some("a (V)".to_owned()), &axes, None);
-        test_helpers::holds(&volts.account.doubts.concat(), &["says V", "sensitivity"]);
+        holds(&volts.account.doubts.concat(), &["says V", "sensitivity"]);
     }
 
     #[test]
@@ -394,8 +397,7 @@ mod tests {
 
     /// The samples of a phone's export at 400 Hz with these column names: time, three axes and their magnitude.
     fn of_phone(names: &[&str], [separator, sign]: [&str; 2]) -> Result<Samples> {
-        let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("a.csv");
+        let (_folder, file) = new_file("a.csv");
         let mut text = names.join(separator) + "\n";
         for n in 0..800 {
             let time = f64::from(n) / 400.0;
@@ -424,15 +426,15 @@ mod tests {
                     let four = of_phone(&["\"Time (s)\"", x, y, z, name], signs).unwrap();
                     assert_eq!((&four.axes, four.axes.len()), (&three.axes, 3), "{name}");
                     let told = four.account.remarks.concat();
-                    test_helpers::holds(&told, &[name.trim_matches('"'), "left out"]);
+                    holds(&told, &[name.trim_matches('"'), "left out"]);
                     assert!(three.account.remarks.is_empty());
                 }
                 let fault = of_phone(&["\"Time (s)\"", x, y, z, "a4 (m/s^2)"], signs);
-                test_helpers::holds(&fault.unwrap_err(), &["4 columns of samples"]);
+                holds(&fault.unwrap_err(), &["4 columns of samples"]);
             }
         }
         let fault = of_phone(&["0", "0", "0", "0", "0"], [",", "."]).unwrap_err();
-        test_helpers::holds(&fault, &["5 columns of samples"]);
+        holds(&fault, &["5 columns of samples"]);
     }
 
     #[test]
@@ -445,8 +447,7 @@ mod tests {
 
     #[test]
     fn a_column_left_out_is_told_of_a_labview_file_as_of_any_table() {
-        let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("a.lvm");
+        let (_folder, file) = new_file("a.lvm");
         let mut text = "LabVIEW Measurement\nSeparator\tTab\nX_Columns\tNo\n***End_of_Header***\n\nChannels\t2\n\
                         Delta_X\t0.0002\t0.0002\n***End_of_Header***\naccel\ttemperature\n"
             .to_owned();
@@ -454,7 +455,7 @@ mod tests {
         std::fs::write(&file, text).unwrap();
         let samples = read(&Trial::of(file, "felt", 100.0, 1.0)).unwrap();
         assert_eq!(samples.axes.len(), 1);
-        test_helpers::holds(&samples.account.remarks.concat(), &["temperature", "left out"]);
+        holds(&samples.account.remarks.concat(), &["temperature", "left out"]);
     }
 
     #[test]
@@ -476,6 +477,6 @@ mod tests {
         let (before, across) = (samples(100), samples(800));
         assert_eq!(before.axes, across.axes);
         assert_eq!(before.account.remarks, [""; 0]);
-        test_helpers::holds(&across.account.remarks.concat(), &["start again", "86400"]);
+        holds(&across.account.remarks.concat(), &["start again", "86400"]);
     }
 }

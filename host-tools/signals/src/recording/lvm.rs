@@ -345,7 +345,7 @@ mod tests {
     use crate::recording::Trial;
     use crate::recording::csv_file::read_table;
     use crate::recording::source::{Cut, Source};
-    use test_helpers::holds;
+    use test_helpers::{holds, new_file};
 
     const HEAD: &str = "LabVIEW Measurement\t\nWriter_Version\t2\nSeparator\tTab\nDecimal_Separator\t.\n\
                         Multi_Headings\tYes\n";
@@ -379,8 +379,7 @@ mod tests {
     }
 
     fn read_text(text: &[u8]) -> Result<(Source, LabView)> {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.lvm");
+        let (_folder, path) = new_file("a.lvm");
         std::fs::write(&path, text).unwrap();
         let own = read(&path)?;
         let trial = Trial::of(path, "felt", 100.0, 1.0);

@@ -12,8 +12,9 @@ use super::{blank, open, opened, set};
 /// Settings that a start finds, those of them that are set, those that are lost, and the response.
 type Known = (Settings, SettingSet, SettingSet, Option<Response>);
 
-/// A record that states `count` settings, with the values `besides` in place of theirs: magic, number of the change,
-/// set and lost settings, the number of settings, values, whether there is a response, the response, checksum.
+/// Bytes of a stored record that states `count` settings; `besides` replaces values of `known`. The fields are magic,
+/// number of the change, set and lost settings, the number of settings, values, whether there is a response, the
+/// response, and a checksum.
 fn record(count: usize, known: &Known, besides: &[(Setting, f32)]) -> Vec<u8> {
     let (settings, set, lost, response) = known;
     let head = [7, set.bits(), lost.bits(), count as u32];

@@ -6,9 +6,8 @@ use fake_stylus::flash::{Cut, Memory, Operation, SECTOR_BYTES, SimulatedFlash};
 use model_format::link::{Response, Setting, SettingChange, Settings, Tighter};
 use proptest::prelude::*;
 use stylus_app::flash::WORD_BYTES;
-use stylus_app::settings::SettingsStore;
 
-use super::{NEARLY_FULL, RANGE, RECORD_WORDS, Store, blank, change, cuts, open, opened};
+use super::{NEARLY_FULL, RECORD_WORDS, Store, blank, change, cuts, open, opened, store_in};
 use crate::budget::{self, Chance};
 
 /// One step of a stylus's life.
@@ -117,7 +116,7 @@ impl Life {
     /// Returns the result of `work` on the store, whose flash stays as `work` leaves it.
     fn with_store<T>(&mut self, work: impl AsyncFnOnce(&mut Store<'_, '_>) -> T) -> T {
         let mut flash = SimulatedFlash::new(self.memory.clone());
-        let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
+        let mut store = store_in(&mut flash);
         let done = block_on(work(&mut store));
         self.memory = flash.memory;
         done
@@ -228,7 +227,7 @@ fn erasures(memory: &Memory) -> Vec<usize> {
         }
         number += 1;
     });
-    let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
+    let mut store = store_in(&mut flash);
     block_on(store.set(value(0, 0))).expect("it is in range");
     drop(flash);
     erasures

@@ -35,7 +35,7 @@ fn open(memory: Memory) -> SettingsStore<SimulatedFlash<'static>> {
 /// Opens the settings in `memory`, and replaces it by what the flash holds afterwards.
 fn opened(memory: &mut Memory) -> (Settings, SettingsState) {
     let mut flash = SimulatedFlash::new(memory.clone());
-    let store = block_on(SettingsStore::open(&mut flash, RANGE));
+    let store = store_in(&mut flash);
     let found = (store.settings(), store.state());
     *memory = flash.memory;
     found
@@ -44,7 +44,7 @@ fn opened(memory: &mut Memory) -> (Settings, SettingsState) {
 /// Flash after `changes`.
 fn set(memory: Memory, changes: &[SettingChange]) -> Memory {
     let mut flash = SimulatedFlash::new(memory);
-    let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
+    let mut store = store_in(&mut flash);
     for &change in changes {
         block_on(store.set(change)).expect("it is in range");
     }
@@ -52,6 +52,10 @@ fn set(memory: Memory, changes: &[SettingChange]) -> Memory {
 }
 
 type Store<'a, 'b> = SettingsStore<&'a mut SimulatedFlash<'b>>;
+
+fn store_in<'a, 'b>(flash: &'a mut SimulatedFlash<'b>) -> Store<'a, 'b> {
+    block_on(SettingsStore::open(flash, RANGE))
+}
 
 /// Returns the flash after losses of power during `work` on the store in `memory`, in the manners that `kinds` gives
 /// for each of its operations, and last the flash as `work` leaves it.
@@ -101,7 +105,7 @@ fn nearly_full(lost_places: [usize; 2]) -> Vec<Memory> {
         for _ in 0..lost {
             let mut flash = SimulatedFlash::new(memory);
             flash.fate.strike(copy * RECORD_WORDS, Mishap::Refuse);
-            let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
+            let mut store = store_in(&mut flash);
             block_on(store.set(again)).expect("the next place takes it");
             memory = flash.memory;
         }
@@ -124,7 +128,7 @@ fn last_record(memory: &Memory, copy: usize) -> impl Iterator<Item = usize> + us
 #[test]
 fn what_cannot_be_read_at_all_is_lost_and_told_and_a_reset_begins_anew() {
     let mut flash = SimulatedFlash::new(Memory::garbage(RANGE.end as usize));
-    let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
+    let mut store = store_in(&mut flash);
     assert_eq!(store.settings(), Settings::default());
     assert_eq!(store.state().lost, SettingSet::ALL);
     assert_eq!(store.state().set, SettingSet::NONE);
@@ -134,7 +138,7 @@ fn what_cannot_be_read_at_all_is_lost_and_told_and_a_reset_begins_anew() {
     assert_eq!(store.state().lost, lost);
     let (settings, state) = opened(&mut flash.memory);
     assert_eq!((settings, state.lost), (changed, lost));
-    let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
+    let mut store = store_in(&mut flash);
     assert_eq!(block_on(store.reset()), Ok(Settings::default()));
     assert_eq!(
         opened(&mut flash.memory),
@@ -145,7 +149,7 @@ fn what_cannot_be_read_at_all_is_lost_and_told_and_a_reset_begins_anew() {
 #[test]
 fn what_is_set_is_there_after_a_restart_whatever_went_before() {
     let mut flash = SimulatedFlash::new(blank());
-    let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
+    let mut store = store_in(&mut flash);
     let mut expected = Settings::default();
     let mut set = SettingSet::NONE;
     // More changes than a copy holds, so that each copy is erased several times.
@@ -254,12 +258,12 @@ fn copies_that_differ_give_the_tighter_limit_and_say_so() {
 fn one_refusal_of_the_flash_is_worked_round_and_a_flash_that_refuses_all_is_told() {
     let mut flash = SimulatedFlash::new(blank());
     flash.fate.strike(0, Mishap::Refuse);
-    let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
+    let mut store = store_in(&mut flash);
     assert!(block_on(store.set(change(Setting::HardLimit, 0.25))).is_ok());
     for refused in 0..2 * RECORD_WORDS {
         let mut flash = SimulatedFlash::new(set(blank(), &COIL));
         flash.fate.strike(refused, Mishap::RefuseFrom);
-        let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
+        let mut store = store_in(&mut flash);
         let error = block_on(store.set(change(Setting::HardLimit, 0.25)));
         let operation = FlashOperation::Write;
         assert_eq!(error, Err(SettingsError::Flash { operation }), "from {refused} on");
@@ -273,7 +277,7 @@ fn one_refusal_of_the_flash_is_worked_round_and_a_flash_that_refuses_all_is_told
         );
         // When the flash works again, the store works again.
         flash.fate.spare();
-        let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
+        let mut store = store_in(&mut flash);
         assert_eq!(block_on(store.reset()), Ok(Settings::default()));
         assert!(block_on(store.set(change(Setting::HardLimit, 0.25))).is_ok());
     }
@@ -285,7 +289,7 @@ fn an_erasure_that_is_refused_is_tried_again_by_the_next_change() {
         let full = NEARLY_FULL[LAST_CHANGES].clone();
         let mut flash = SimulatedFlash::new(full);
         flash.fate.strike(refused, Mishap::Refuse);
-        let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
+        let mut store = store_in(&mut flash);
         let change = change(Setting::HardLimit, 0.25);
         let operation = FlashOperation::Write;
         let refusal = SettingsError::Flash { operation };
@@ -302,7 +306,7 @@ fn a_write_that_puts_a_wrong_bit_is_found_by_reading_back() {
     for wrong in 0..2 * RECORD_WORDS {
         let mut flash = SimulatedFlash::new(set(blank(), &COIL));
         flash.fate.strike(wrong, Mishap::Corrupt);
-        let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
+        let mut store = store_in(&mut flash);
         let set = block_on(store.set(change(Setting::HardLimit, 0.05))).expect("in range");
         flash.fate.spare();
         assert_eq!(opened(&mut flash.memory).0, set, "write {wrong}");

@@ -5,9 +5,8 @@ use embassy_futures::block_on;
 use fake_stylus::device::{COIL, change, response_for};
 use fake_stylus::flash::{Memory, SimulatedFlash};
 use model_format::link::{Response, Setting, Settings};
-use stylus_app::settings::SettingsStore;
 
-use super::{RANGE, Store, blank, cuts, open, set};
+use super::{Store, blank, cuts, open, set, store_in};
 
 /// Settings and response in force after a start on a copy of `memory`.
 pub fn found(memory: &Memory) -> (Settings, Option<Response>) {
@@ -54,7 +53,7 @@ fn a_cut_while_a_response_is_stored_leaves_all_of_the_old_or_all_of_the_new() {
         memory = left[left.len() - 1].clone();
     }
     let mut flash = SimulatedFlash::new(memory);
-    let mut store = block_on(SettingsStore::open(&mut flash, RANGE));
+    let mut store = store_in(&mut flash);
     // A change of another setting keeps the response, a removal of the response keeps the settings, and a reset removes
     // all.
     block_on(store.set(change(Setting::ForceZero, 5_000.0))).expect("in range");

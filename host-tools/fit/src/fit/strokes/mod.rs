@@ -277,7 +277,7 @@ mod tests {
             is_backward: vec![false; signal.len()],
             speed_mm_s: motion.iter().map(|at| at.0).collect(),
             force_n: motion.iter().map(|at| at.1).collect(),
-            outliers: Vec::new(),
+            outlier: None,
             is_simulated: true,
             is_unscaled: false,
             remarks: Vec::new(),

@@ -172,7 +172,7 @@ mod tests {
     use super::super::test_motions::sweep;
     use super::*;
     use proptest::prelude::*;
-    use test_helpers::{library, texture};
+    use test_helpers::{library, new_file, texture};
 
     #[test]
     fn a_float_wav_holds_the_samples_in_metres_per_second_squared() {
@@ -210,8 +210,7 @@ mod tests {
         fn a_16_bit_wav_is_within_half_a_step_and_what_does_not_fit_is_clipped_and_counted(
             samples in prop::collection::vec(any::<i32>(), 1..200), full_scale_m_s2 in 0.1..5000.0f64,
         ) {
-            let folder = tempfile::tempdir().unwrap();
-            let path = folder.path().join("a.wav");
+            let (_folder, path) = new_file("a.wav");
             let format = WavFormat::Pcm16 { full_scale_m_s2 };
             let summary = write_wav(&path, 5000, format, samples.iter().copied().map(OutputSample)).unwrap();
             let reader = hound::WavReader::open(&path).unwrap();
@@ -234,8 +233,7 @@ mod tests {
 
     #[test]
     fn a_full_scale_that_is_not_positive_is_refused_and_leaves_what_was_there() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.wav");
+        let (_folder, path) = new_file("a.wav");
         std::fs::write(&path, "before").unwrap();
         for full_scale_m_s2 in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             let format = WavFormat::Pcm16 { full_scale_m_s2 };
@@ -247,8 +245,7 @@ mod tests {
 
     #[test]
     fn more_than_a_wav_file_can_hold_is_refused_before_the_work() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.wav");
+        let (_folder, path) = new_file("a.wav");
         let samples = std::iter::repeat_n(OutputSample::SILENCE, 1 << 30);
         let error = write_wav(&path, 5000, WavFormat::Float32, samples).unwrap_err();
         assert!(error.to_string().contains("4 GiB"), "{error}");

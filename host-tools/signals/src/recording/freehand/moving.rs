@@ -149,7 +149,7 @@ mod tests {
             is_backward: vec![false; speed_mm_s.len()],
             speed_mm_s,
             force_n,
-            outliers: Vec::new(),
+            outlier: None,
             is_simulated: false,
             is_unscaled: false,
             remarks: Vec::new(),

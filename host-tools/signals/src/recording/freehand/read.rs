@@ -3,7 +3,6 @@
 use std::io::Read;
 use std::path::Path;
 
-use serde::Serialize;
 use stylus_support::bounded_file::Format;
 use stylus_support::csv_table::{CsvTable, Header, Row, comment};
 use stylus_support::hand::{MAX_FORCE_N, MAX_SPEED_MM_S};
@@ -32,9 +31,6 @@ const MAX_ACCELERATION_M_S2: f64 = 2048.0;
 /// Largest fraction of samples with an outlier; a file with more is refused.
 const MAX_OUTLIER_SHARE: f64 = 0.1;
 
-/// Largest number of outliers that are reported one by one.
-const NAMED_OUTLIERS: usize = 20;
-
 /// A recording with its motion, evenly sampled.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Freehand {
@@ -50,8 +46,8 @@ pub struct Freehand {
     pub force_n: Vec<f64>,
     /// True for each sample with an outlier in any column.
     pub is_outlier: Vec<bool>,
-    /// The first outliers, at most 20.
-    pub outliers: Vec<Outlier>,
+    /// The first outlier with its line, in words.
+    pub outlier: Option<String>,
     /// True if the file states that it is simulated.
     pub is_simulated: bool,
     /// True if neither the file nor the caller states what a count is in m/s².
@@ -65,18 +61,12 @@ impl Freehand {
     pub fn notes(&self, path: &Path) -> Vec<String> {
         let path = path.display();
         let remarks = self.remarks.iter().map(|remark| format!("{path}: {remark}"));
-        let named = self.outliers.iter().map(|outlier| {
-            format!(
-                "{path}, line {}: {} is {}, which is out of range; cut out",
-                outlier.line, outlier.column, outlier.value
-            )
+        let cut = self.outlier.iter().map(|first| {
+            let count = self.is_outlier.iter().filter(|bad| **bad).count();
+            let count = counted(count, "sample");
+            format!("{path}, {first}, which is out of range; {count} cut out")
         });
-        let mut notes: Vec<String> = remarks.chain(named).collect();
-        let all = self.is_outlier.iter().filter(|bad| **bad).count();
-        if all > self.outliers.len() {
-            notes.push(format!("{path}: {all} samples in total are out of range"));
-        }
-        notes
+        remarks.chain(cut).collect()
     }
 
     /// Appends a row to `channels`, one for each of `columns`; an outlier becomes 0, and a motion that is not written
@@ -91,12 +81,8 @@ impl Freehand {
             }
             let value = column.scale * row.number(index)?;
             let is_good = value.is_finite() && value.abs() <= column.limit;
-            if !is_good && self.outliers.len() < NAMED_OUTLIERS {
-                self.outliers.push(Outlier {
-                    line: row.line,
-                    column: names[index].to_owned(),
-                    value,
-                });
+            if !is_good {
+                (self.outlier).get_or_insert_with(|| format!("line {}: {} is {value}", row.line, names[index]));
             }
             bad |= !is_good;
             // Segments and strokes leave out a block with an outlier, so any finite number will do for them.
@@ -129,29 +115,15 @@ impl Freehand {
     fn follow(&mut self, table: &CsvTable, speeds_mm_s: &[f64]) {
         for (index, &value) in speeds_mm_s.iter().enumerate() {
             let is_bad = value.abs() > MAX_SPEED_MM_S;
-            if is_bad && self.outliers.len() < NAMED_OUTLIERS {
-                self.outliers.push(Outlier {
-                    line: table.line_of_row(index + 1),
-                    column: "the speed of its positions".to_owned(),
-                    value,
-                });
+            if is_bad {
+                let line = table.line_of_row(index + 1);
+                (self.outlier).get_or_insert_with(|| format!("line {line}: the speed of its positions is {value}"));
             }
             self.is_outlier[index] |= is_bad;
             self.speed_mm_s.push(if is_bad { 0.0 } else { value.abs() });
             self.is_backward.push(value < 0.0);
         }
     }
-}
-
-/// A value that no hand and no sensor can produce.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Outlier {
-    /// Line of the value in the file, from 1.
-    pub line: u64,
-    /// Name of the value's column.
-    pub column: String,
-    /// The value.
-    pub value: f64,
 }
 
 /// Returns true if a comment at the top of a CSV file's `text` begins with SIMULATED.
@@ -209,7 +181,7 @@ pub fn read(path: &Path, rate_hz: Option<f64>, scale_m_s2: Option<f64>) -> Resul
         speed_mm_s: Vec::new(),
         force_n: Vec::new(),
         is_outlier: Vec::new(),
-        outliers: Vec::new(),
+        outlier: None,
         is_backward: Vec::new(),
         is_simulated: is_simulated(path)?,
         is_unscaled: false,
@@ -425,15 +397,10 @@ fn refuse_too_many_outliers(path: &Path, recording: &Freehand) -> Result<()> {
     let count = recording.is_outlier.iter().filter(|bad| **bad).count();
     let most = MAX_OUTLIER_SHARE * recording.is_outlier.len() as f64;
     if count as f64 > most
-        && let Some(first) = recording.outliers.first()
+        && let Some(first) = &recording.outlier
     {
-        let problem = format!(
-            "{count} of {} samples have impossible values (line {}: {} is {}): check its columns and units",
-            recording.is_outlier.len(),
-            first.line,
-            first.column,
-            first.value
-        );
+        let all = recording.is_outlier.len();
+        let problem = format!("{count} of {all} samples have impossible values ({first}): check its columns and units");
         return Err(Error::file(path, problem));
     }
     Ok(())
@@ -536,12 +503,11 @@ impl Columns {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use test_helpers::near;
+    use test_helpers::{near, new_file};
 
     #[test]
     fn times_in_any_unit_give_the_same_recording() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.csv");
+        let (_folder, path) = new_file("a.csv");
         let read_as = |header: &str, factor: u32| {
             let rows = (0..500).map(|n| format!("{},{},100,1\n", factor * n, n % 7));
             let text = format!("{header},x,speed_mm_s,force_n\n{}", rows.collect::<String>());
@@ -557,8 +523,7 @@ mod tests {
 
     #[test]
     fn positions_take_the_place_of_a_speed() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.csv");
+        let (_folder, path) = new_file("a.csv");
         // 90 mm/s along x and 120 mm/s along y.
         let row = |n| {
             let s = f64::from(n) / 1000.0;
@@ -572,7 +537,7 @@ mod tests {
         .unwrap();
         let of_positions = read(&path, None, None).unwrap();
         assert!(of_positions.speed_mm_s.iter().all(|speed| (speed - 150.0).abs() < 1e-6));
-        assert_eq!((of_positions.axes.len(), of_positions.outliers.len()), (1, 0));
+        assert_eq!((of_positions.axes.len(), of_positions.outlier), (1, None));
         // A tracker that jumps by 100 mm for one sample.
         let rows = (0..2000).map(|n| {
             let mm = if n == 1000 { 200.0 } else { 0.1 * f64::from(n) };
@@ -582,14 +547,14 @@ mod tests {
         std::fs::write(&path, jump).unwrap();
         let jumped = read(&path, None, None).unwrap();
         let bad = jumped.is_outlier.iter().filter(|bad| **bad).count();
-        assert!((1..40).contains(&bad) && jumped.outliers[0].line > 950, "{bad}");
+        assert!((1..40).contains(&bad), "{bad}");
+        test_helpers::holds(&jumped.outlier.unwrap(), &["line 9", "speed of its positions"]);
         near(jumped.speed_mm_s[100], 100.0, 1e-6);
     }
 
     #[test]
     fn what_is_no_acceleration_is_left_out_and_told() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.csv");
+        let (_folder, path) = new_file("a.csv");
         let read_as = |header: &str, end: &str| {
             let rows = (0..500).map(|n| format!("{n},100,1,{}{end}\n", n % 7));
             let text = format!("time_ms,speed_mm_s,force_n,{header}\n{}", rows.collect::<String>());
