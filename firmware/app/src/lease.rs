@@ -11,7 +11,7 @@ use crate::TICKS_PER_MS;
 /// Ticks after which a lease that nobody renews has lapsed.
 const LAPSES_AFTER_TICKS: u64 = (LINK_LOST_AFTER_MS * TICKS_PER_MS) as u64;
 
-/// The lease.
+/// Right of one link to play: its holder, the tick of its last renewal, and the count of refusals.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Lease {
     /// The holder, and the tick of its last renewal.

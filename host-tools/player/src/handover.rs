@@ -5,7 +5,8 @@
 
 use crossbeam_utils::atomic::AtomicCell;
 
-/// One slot for each direction.
+/// Exchange between the mover and the filler: a slot for the value that is given, and one for the values that come
+/// back.
 pub struct Handover<T> {
     given: AtomicCell<Option<Box<Given<T>>>>,
     returned: AtomicCell<Option<Box<Given<T>>>>,

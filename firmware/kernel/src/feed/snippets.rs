@@ -26,7 +26,7 @@ const LONGEST_MS: u32 = 480;
 /// Parts of a codebook that a pass plays in a random order.
 const PARTS: u32 = u8::BITS;
 
-/// The state of the snippets.
+/// What plays now, the samples until the next snippet, and the place in each codebook.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Snippets {
     /// The source that is played: 0 for Gaussian noise, k for codebook number k, from 1.

@@ -20,7 +20,7 @@ const FADE_BEGINS: i64 = TURN * 40 / 100;
 /// Advance of the phase per sample at and above which a line is silent: 0.44 of the sample rate.
 const FADE_ENDS: i64 = TURN * 44 / 100;
 
-/// Longest distance in a block for which turns are counted, in steps of a position: 256 mm.
+/// Longest way in one block that advances a phase, in steps of a position: 256 mm. A longer one is a jump.
 pub(super) const LONGEST: u64 = 256 << Position::FRACTION_BITS;
 
 /// Lines of a voice.

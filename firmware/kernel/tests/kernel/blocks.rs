@@ -9,7 +9,8 @@ use crate::fed::{all_parts, encoded, fed_h3};
 use crate::models::{motion, texture};
 use crate::scenes::{at, lifted, resonant, side_by_side, tap};
 
-/// Moments of a motion: speed and force, the samples until the next moment, and the place of the first cut in them.
+/// Strategy of motions. Each moment has a speed, mm/s, a force, N, the samples until the next moment, and the length of
+/// the first block.
 fn moments() -> impl Strategy<Value = Vec<(f32, f32, u32, usize)>> {
     let samples = prop_oneof![Just(10), 1..=MAX_FED_SAMPLES as u32];
     let speed = prop_oneof![Just(75.0f32), 40.0..120.0f32];

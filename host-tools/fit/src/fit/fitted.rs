@@ -160,10 +160,8 @@ impl FittedTexture {
 
     /// Returns the texture, ready to be encoded.
     pub fn spec(&self) -> TextureSpec {
-        TextureSpec {
-            sample_rate_hz: self.sample_rate_hz,
-            ..spec_of(&self.name, self.provenance, &self.grid, self.nodes.clone())
-        }
+        let nodes = self.nodes.clone();
+        spec_of(&self.name, self.sample_rate_hz, self.provenance, &self.grid, nodes)
     }
 }
 

@@ -10,11 +10,17 @@ use stylus_support::{Error, Result};
 use super::grid::Grid;
 use super::{quantise, theta};
 
-/// Returns the library's entry for texture `name`: the stored `nodes` of `grid`, and the grid's parts.
-pub(crate) fn spec_of(name: &str, provenance: Provenance, grid: &Grid, nodes: Vec<NodeSpec>) -> TextureSpec {
+/// Returns the library's entry for texture `name` at `sample_rate_hz`: the stored `nodes` of `grid`, and its parts.
+pub(crate) fn spec_of(
+    name: &str,
+    sample_rate_hz: u32,
+    provenance: Provenance,
+    grid: &Grid,
+    nodes: Vec<NodeSpec>,
+) -> TextureSpec {
     TextureSpec {
         name: name.to_owned(),
-        sample_rate_hz: SAMPLE_RATE_HZ,
+        sample_rate_hz,
         provenance,
         laws: grid.laws,
         parts: grid.parts.clone(),
@@ -26,7 +32,8 @@ pub(crate) fn spec_of(name: &str, provenance: Provenance, grid: &Grid, nodes: Ve
 
 /// Returns the library's entry for texture `name`, with the nodes of `grid` quantised.
 pub fn texture_spec(name: &str, provenance: Provenance, grid: &Grid) -> Result<TextureSpec> {
-    Ok(spec_of(name, provenance, grid, quantise::nodes(name, grid)?))
+    let nodes = quantise::nodes(name, grid)?;
+    Ok(spec_of(name, SAMPLE_RATE_HZ, provenance, grid, nodes))
 }
 
 /// Returns the stored nodes of `grid`, whose models are at `sample_rate_hz`. θ takes the fewest bytes that preserve

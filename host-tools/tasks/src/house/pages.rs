@@ -6,7 +6,8 @@ use super::tree::{Tree, folder, joined};
 /// Folders of outputs, which exist only after a build or a run.
 const OUTPUTS: [&str; 4] = ["demo-out", "target", "tests/fuzz/corpus", "tests/fuzz/artifacts"];
 
-/// Checks every link within the repository, every code span that is a path, and the item in [`item`](path).
+/// Checks that every linked path and every path in a code span exists, and that a Rust file that is linked behind an
+/// item's name defines this item.
 pub fn check(tree: &Tree, findings: &mut Findings) {
     for (page, text) in tree.texts_of(".md") {
         let text = outside_fences(text);

@@ -3,6 +3,8 @@
 use std::error::Error;
 use std::path::Path;
 
+use host_tools::fit::Options;
+use host_tools::fit::record::{FitRecord, FittedTrial};
 use host_tools::support::bounded_file::Format;
 use model_format::link::{BoardName, ImageHeader, ImageVersion, SIGNED_BYTES};
 
@@ -37,7 +39,7 @@ pub fn write(root: &Path) -> Result<(), Box<dyn Error>> {
             "settings",
             texts(&["coil-resistance\n8", "amplifier-gain\n1\npower-limit\n0.1"]),
         ),
-        ("records", texts(&[RECORD])),
+        ("records", texts(&[&record()?])),
         ("updates", vec![update()]),
         ("listings", texts(&["own\nspectra/a.svg\n"])),
     ];
@@ -97,10 +99,28 @@ const SCENES: [&str; 2] = [
      texture = \"silk\"\n",
 ];
 
-const RECORD: &str = r#"{"library":"0123456789abcdef","options":{"order":"auto",
-"reduction":"pca","silence_floor_m_s2":0.001,"excitation":"auto",
-"drop":["hum"],"lines":"auto","strict":false,"snap":0.03,"sample_rate_hz":5000},
-"excitations":[],"trials":[{"file":"a.wav","content":"00ff","start_s":0.5,"duration_s":null}],"lines":[]}"#;
+/// The record of a fit to one recording.
+fn record() -> Result<String, host_tools::support::Error> {
+    FitRecord {
+        version: "0.1.0".into(),
+        library: "0123456789abcdef".into(),
+        options: Options::default(),
+        excitations: Vec::new(),
+        trials: vec![FittedTrial {
+            file: "a.wav".into(),
+            content: "00ff".into(),
+            start_s: 0.5,
+            duration_s: None,
+            source_rate_hz: None,
+            scale_m_s2: Some(9.8),
+            time_unit: None,
+            even_times: false,
+            remarks: Vec::new(),
+        }],
+        lines: Vec::new(),
+    }
+    .to_text()
+}
 
 const LABVIEW: &str = "LabVIEW Measurement\t\nReader_Version\t2\nSeparator\tTab\nMulti_Headings\tNo\nX_Columns\tOne\n\
     ***End_of_Header***\t\n\t\nChannels\t2\t\t\nSamples\t3\t3\t\nY_Unit_Label\tg\tg\t\nX0\t0\t0\t\n\

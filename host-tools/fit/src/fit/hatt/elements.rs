@@ -18,8 +18,8 @@ const MOST_NODES: u32 = 1_000_000;
 /// Parses `text`; `path` is only named in errors.
 ///
 /// # Errors
-/// Text that is not XML, or whose structure occurs in no model file and would take the parser disproportionately long.
-/// The error names the line.
+/// Text that is not XML. Text with a structure that no model file has, and that would make the parser slow. The error
+/// names the line.
 pub fn document<'a>(path: &Path, text: &'a str) -> Result<Document<'a>> {
     // Before the text is parsed, because the parser would take the time that this avoids.
     if let Some(line) = costly_line(text) {
