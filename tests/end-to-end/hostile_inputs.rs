@@ -101,21 +101,13 @@ fn sizes_in_a_wav_header_size_no_memory() {
         changed[at..at + bytes.len()].copy_from_slice(bytes);
         changed
     };
-    let with_chunk = |id: &[u8; 4], length: u32| {
-        let mut longer = good.clone();
-        let length = length.to_le_bytes();
-        let chunk = [&id[..], &length, b"INFOISFT", &length].concat();
-        longer.splice(data..data, chunk);
-        longer
-    };
-    let list = with_chunk(b"LIST", 0xffff_fff0);
+    let length = 0xffff_fff0u32.to_le_bytes();
+    let list = [&good[..data], b"LIST", &length, b"INFOISFT", &length, &good[data..]].concat();
     let mut endless = changed(4, &[255; 4]);
     endless[data + 4..data + 8].copy_from_slice(&[255, 255, 255, 63]);
     for (name, bytes, words) in [
         ("channels", changed(22, &[255, 255]), "65535 channels"),
-        ("none", changed(22, &[0, 0]), "0 channels"),
         ("list", list, "'LIST' of 4294967280 bytes"),
-        ("fact", with_chunk(b"fact", 1 << 30), "'fact' of 1073741824 bytes"),
         ("length", endless, "truncated"),
     ] {
         bench.write(&format!("{name}.wav"), bytes);

@@ -20,6 +20,8 @@ use virtual_stylus::model::usb::host::TransferError;
 use virtual_stylus::usb_host::{BulkFrames, Descriptors, UsbHost};
 use virtual_stylus::{Options, VirtualStylus};
 
+use crate::library;
+
 pub const MS: u64 = 1_000_000;
 pub const SECOND: u64 = 1_000 * MS;
 /// Code of the DAC at which no current flows in the voice coil.
@@ -167,6 +169,11 @@ impl Device {
         let mut device = Self::new(&product_of(options.board), options);
         device.wait_for_start();
         device
+    }
+
+    /// The product's image with the small library active, started and answering.
+    pub fn with_library() -> Self {
+        Self::started(library::options())
     }
 
     /// The image with fault injection, started and answering.

@@ -6,14 +6,13 @@ use virtual_stylus::Options;
 use virtual_stylus::chance::Chance;
 
 use crate::device::{Device, MS, long};
-use crate::library;
 
 /// Time within which the output must be silent.
 const SILENT_NS: u64 = 100 * MS;
 
 #[test]
 fn a_lost_link_is_silence_within_100_ms() {
-    let mut device = Device::started(library::options());
+    let mut device = Device::with_library();
     device.move_at(120.0);
     device.play_until_heard("lattice");
     device.run_for(200 * MS);

@@ -83,7 +83,7 @@ fn marks_keep_their_bounds_while_a_scene_plays_and_is_recorded_a_library_comes_a
 
 #[test]
 fn settings_are_written_and_erased_while_ticks_go_on_and_nothing_waits_for_the_bank() {
-    let mut device = Device::started(library::options());
+    let mut device = Device::with_library();
     device.set(Setting::SoftStart, 100.0);
     device.reset_settings().expect("they are erased");
     let operations = device.stylus.flash_operations();

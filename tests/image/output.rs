@@ -270,7 +270,7 @@ fn the_clocks_of_the_output_run_and_go_on_while_the_core_sleeps() {
         ([0xD8, 0x100], DMA1),
         ([0xE8, 0x110], TIM7_AND_DAC),
     ];
-    let mut device = Device::started(library::options());
+    let mut device = Device::with_library();
     for (registers, bits) in clocks {
         for register in registers {
             let enabled = device.stylus.read_register("RCC", register).expect("it is there");

@@ -78,7 +78,7 @@ pub fn store(device: &mut Device, count: usize) -> Response {
 #[test]
 fn a_probe_at_ten_kilohertz_passes_the_proposed_equaliser_from_its_tick_to_its_end_and_stores_nothing() {
     let rate = PlayRate::Hz10000;
-    let mut device = Device::started(library::options());
+    let mut device = Device::with_library();
     let response = propose(&mut device, 3);
     let request = ProbeStart {
         rate_hz: rate.hz(),

@@ -10,7 +10,6 @@ use virtual_stylus::model::pin::Drive;
 use virtual_stylus::model::read_back::OutputPin;
 
 use crate::device::{Device, MID_SCALE, MS, SECOND, product};
-use crate::library;
 use crate::requests::assert_even;
 
 /// The request to test the output, where the user confirms that no amplifier is connected.
@@ -203,7 +202,7 @@ fn no_code_but_mid_scale_is_put_out_with_an_amplifier_that_may_be_on() {
 
 #[test]
 fn the_output_is_at_rest_and_follows_the_tick_again_even_if_the_host_is_gone() {
-    let mut device = Device::started(library::options());
+    let mut device = Device::with_library();
     // The host sends the request, but does not receive the answer.
     let asked_ns = device.stylus.now_ns();
     device.send_frame(<SelfTestEndpoint as postcard_rpc::Endpoint>::REQ_KEY, &OUTPUT);

@@ -7,7 +7,6 @@ use virtual_stylus::Options;
 use virtual_stylus::model::flash::Contents;
 
 use crate::device::Device;
-use crate::library;
 use crate::requests::play_request;
 
 /// The sectors of the settings, one per copy.
@@ -46,7 +45,7 @@ fn last_words(flash: &Contents) -> [u32; 2] {
 
 #[test]
 fn an_unreadable_word_of_a_copy_loses_no_setting_and_of_both_copies_silences() {
-    let mut device = Device::started(library::options());
+    let mut device = Device::with_library();
     device.set(Setting::HardLimit, 0.05);
     let expected = device.set(Setting::AmplifierGain, 10.0);
     let flash = device.stylus.flash();

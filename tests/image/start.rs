@@ -137,7 +137,7 @@ fn when_no_pll_locks_at_all_the_device_speaks_and_does_not_play() {
 
 #[test]
 fn an_external_clock_that_fails_in_mid_play_ends_at_mid_scale_and_is_not_used_again() {
-    let mut device = Device::started(library::options());
+    let mut device = Device::with_library();
     plays(&mut device);
     device.play_until_heard("lattice");
     let failed_ns = device.stylus.now_ns();

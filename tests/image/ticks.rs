@@ -7,7 +7,6 @@ use model_format::link::Setting;
 use virtual_stylus::tick::TickStatistics;
 
 use crate::device::{Device, MS};
-use crate::library;
 use crate::page::Page;
 
 /// The texture that is played, and its name in the page.
@@ -54,7 +53,7 @@ fn limited(device: &mut Device) -> Limited {
 
 /// Ticks that play with `settings`, and the limits that acted on them.
 fn playing(settings: &[(Setting, f32)]) -> (TickStatistics, Limited) {
-    let mut device = Device::started(library::options());
+    let mut device = Device::with_library();
     for &(setting, value) in settings {
         device.set(setting, value);
     }
@@ -81,7 +80,7 @@ fn playing(settings: &[(Setting, f32)]) -> (TickStatistics, Limited) {
 }
 
 fn at_rest() -> [TickStatistics; 2] {
-    let mut device = Device::started(library::options());
+    let mut device = Device::with_library();
     let idle = ticks(&mut device);
     device.record();
     [idle, ticks(&mut device)]

@@ -52,7 +52,7 @@ fn after_a_power_cut_of_an_update_the_old_or_the_new_image_answers_with_settings
         return;
     }
     let [old, new] = [product(), with_faults()].map(|path| image(&path));
-    let mut before = Device::started(library::options());
+    let mut before = Device::with_library();
     let settings = before.set(Setting::HardLimit, 0.25);
     let (mut flash, library) = (before.stylus.flash(), state_of(&mut before));
     let start = |device: &mut Device| assert!(device.answers_within(EXCHANGE_NS));
@@ -168,7 +168,7 @@ impl Device {
 #[test]
 fn an_update_keeps_settings_and_active_library_and_survives_resets_once_it_is_confirmed() {
     let new = image(&with_faults());
-    let mut device = Device::started(library::options());
+    let mut device = Device::with_library();
     let settings = device.set(Setting::HardLimit, 0.25);
     let before = state_of(&mut device);
     let begin = device.stylus.now_ns();

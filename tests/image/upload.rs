@@ -48,7 +48,7 @@ fn a_full_upload_while_playing_and_streaming_moves_nothing_and_is_active_afterwa
 
 #[test]
 fn an_erasure_that_the_flash_does_not_begin_is_no_success() {
-    let mut device = Device::started(library::options());
+    let mut device = Device::with_library();
     let refuse = |device: &mut Device, refuses| {
         (device.stylus).board(move |board| board.part.flash.around.refuses_erasures = refuses);
     };

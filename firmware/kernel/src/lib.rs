@@ -8,7 +8,7 @@ pub mod digest;
 pub mod direct_form;
 pub mod excitation;
 pub mod feed;
-mod fixed;
+pub mod fixed;
 pub mod grid;
 pub mod lattice;
 pub mod level;

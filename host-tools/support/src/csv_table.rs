@@ -775,7 +775,7 @@ impl<'r> Row<'r, '_> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use test_helpers::holds;
+    use test_helpers::{holds, new_file};
 
     fn table(text: &str) -> CsvTable {
         CsvTable::of(Path::new("a.csv"), text.to_owned()).unwrap()
@@ -908,8 +908,7 @@ mod tests {
 
     #[test]
     fn signs_of_units_are_read_in_an_older_code_page() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.csv");
+        let (_folder, path) = new_file("a.csv");
         std::fs::write(&path, b"t,a [m/s\xb2]\n0,1\n").unwrap();
         let found = CsvTable::read(&path, Format::Table).unwrap();
         let header = found.header().unwrap();

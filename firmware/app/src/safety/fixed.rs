@@ -15,14 +15,6 @@ pub const STEP_BITS: u32 = 16;
 /// Binary digits after the point of the interpolator's outputs.
 pub const CODE_BITS: u32 = 15;
 
-/// `value` / 2^`bits`, truncated toward zero, for `bits` below 63.
-#[inline(always)]
-pub fn shift_toward_zero(value: i64, bits: u32) -> i64 {
-    // The shift rounds down. The sign, shifted down, is a mask that adds the summand to negative values only.
-    let below_one = (1i64 << bits) - 1;
-    (value + ((value >> 63) & below_one)) >> bits
-}
-
 /// The nearest whole step, for a `value` in 2^-[`CODE_BITS`] that is at most 2^30.
 #[inline(always)]
 pub fn round_to_step(value: i32) -> i32 {

@@ -33,6 +33,7 @@ mod thermal;
 use model_format::link::{OutputLimits, Setting, Settings};
 use model_format::{DacCode, OutputSample, PlayRate};
 use stylus_kernel::dc_blocker::{self, DcBlocker};
+use stylus_kernel::fixed::shift_toward_zero;
 
 use fixed::STEP_BITS;
 use interpolator::Interpolator;
@@ -235,7 +236,7 @@ impl State {
     fn cooled<const ALPHA: i64>(&mut self, config: &Config, sample: OutputSample, muted: bool) -> (i32, bool) {
         // The clamp is the bound by which no sum of the stages after it overflows; the hard limit comes later.
         let product = i64::from(sample.0) * i64::from(config.gain);
-        let amplified = fixed::shift_toward_zero(product, GAIN_BITS).clamp(-FULL_SCALE, FULL_SCALE);
+        let amplified = shift_toward_zero(product, GAIN_BITS).clamp(-FULL_SCALE, FULL_SCALE);
         let without_dc = self.dc_blocker.next::<ALPHA>(amplified);
         let ramped = self.ramp.next(config.ramp, without_dc, muted);
         let (cooled, attenuated) = self.coil.attenuate(config.coil, ramped);

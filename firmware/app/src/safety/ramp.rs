@@ -2,8 +2,7 @@
 
 use model_format::PlayRate;
 use model_format::link::{Setting, Settings};
-
-use super::fixed::shift_toward_zero;
+use stylus_kernel::fixed::shift_toward_zero;
 
 /// A gain of one.
 const ONE: i32 = 1 << 30;

@@ -362,7 +362,7 @@ impl Score {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use test_helpers::holds;
+    use test_helpers::{holds, new_file};
 
     const HEADER: &str = "listener,trial,pair,a,b,x,answer,correct,replays,seconds,surface,page,origin\n";
 
@@ -503,8 +503,7 @@ mod tests {
 
     #[test]
     fn of_an_experiments_data_the_rows_of_a_listening_test_count() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("experiment.csv");
+        let (_folder, path) = new_file("experiment.csv");
         // As jsPsych writes it: every field is quoted, and a trial has no value in the columns of others.
         let quoted = |fields: &[&str]| format!("\"{}\"\r\n", fields.join("\",\""));
         let names = "trial_type,texture,motion_csv,rt,design,listener,trial,pair,a,b,x,answer,correct,replays,seconds,\

@@ -115,7 +115,7 @@ impl Strokes {
 mod tests {
     use super::*;
     use model_format::AdcCode;
-    use test_helpers::near;
+    use test_helpers::{near, new_file};
 
     const CALIBRATION: Calibration = Calibration {
         acceleration_zero: [32_768.0; 3],
@@ -148,8 +148,7 @@ mod tests {
 
     #[test]
     fn what_is_written_is_read_and_holes_are_no_data() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("strokes.csv");
+        let (_folder, path) = new_file("strokes.csv");
         strokes(400..450)
             .write(&path, &CALIBRATION, Provenance::Simulated)
             .unwrap();

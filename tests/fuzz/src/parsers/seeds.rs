@@ -4,7 +4,8 @@ use std::error::Error;
 use std::path::Path;
 
 use host_tools::fit::Options;
-use host_tools::fit::record::{FitRecord, FittedTrial};
+use host_tools::fit::record::FitRecord;
+use host_tools::recording::{RecordingSet, Trial};
 use host_tools::support::bounded_file::Format;
 use model_format::link::{BoardName, ImageHeader, ImageVersion, SIGNED_BYTES};
 
@@ -101,25 +102,11 @@ const SCENES: [&str; 2] = [
 
 /// The record of a fit to one recording.
 fn record() -> Result<String, host_tools::support::Error> {
-    FitRecord {
-        version: "0.1.0".into(),
-        library: "0123456789abcdef".into(),
-        options: Options::default(),
-        excitations: Vec::new(),
-        trials: vec![FittedTrial {
-            file: "a.wav".into(),
-            content: "00ff".into(),
-            start_s: 0.5,
-            duration_s: None,
-            source_rate_hz: None,
-            scale_m_s2: Some(9.8),
-            time_unit: None,
-            even_times: false,
-            remarks: Vec::new(),
-        }],
-        lines: Vec::new(),
-    }
-    .to_text()
+    let set = RecordingSet {
+        trials: vec![Trial::of("a.wav", "silk", 50.0, 1.0)],
+        is_listed: true,
+    };
+    FitRecord::with_contents(&set, &Options::default(), b"a library", &[1]).to_text()
 }
 
 const LABVIEW: &str = "LabVIEW Measurement\t\nReader_Version\t2\nSeparator\tTab\nMulti_Headings\tNo\nX_Columns\tOne\n\

@@ -1,4 +1,5 @@
-//! A codebook: material from a residual, whitened, clipped at its highest peaks, and coded in blocks.
+//! A codebook: material from a residual, whitened if several nodes share it, clipped at its highest peaks, and coded in
+//! blocks.
 
 use model_format::{BLOCK_BYTES, BLOCK_MAGNITUDES, BLOCK_SAMPLES, CodebookSpec, SAMPLE_RATE_HZ, block_scale, limits};
 use stylus_dsp::fourier::{self, Complex};
@@ -41,9 +42,12 @@ pub(super) struct Coded {
 
 /// Codes `material`, clipped at [`HIGHEST_PEAK`]. Last samples that do not fill a block are dropped. `None` if the
 /// material has no power.
-pub(super) fn coded(material: &[f64]) -> Option<Coded> {
+///
+/// Material of one node keeps its spectrum, and so what the node's predictor left of the recording's: its own filter
+/// makes the recording of it again. The filters of several nodes left different things, so their material is whitened.
+pub(super) fn coded(material: &[f64], is_of_one_node: bool) -> Option<Coded> {
     let whole = material.len() / BLOCK_SAMPLES * BLOCK_SAMPLES;
-    let (samples, cut) = prepared(&material[..whole])?;
+    let (samples, cut) = prepared(&material[..whole], is_of_one_node)?;
     let (bytes, decoded) = coded_blocks(&samples);
     with_unit_power(bytes, &samples, &decoded, cut)
 }
@@ -155,18 +159,24 @@ fn felt_power(samples: &[f64]) -> f64 {
         .sum()
 }
 
-/// Returns `material` whitened, clipped at [`HIGHEST_PEAK`], with a mean square of 1; and the number of
-/// samples that were clipped. `None` if it has no power.
-fn prepared(material: &[f64]) -> Option<(Vec<f64>, usize)> {
+/// Returns `material`, whitened unless it `is_of_one_node`, clipped at [`HIGHEST_PEAK`], with a mean square of 1; and
+/// the number of samples that were clipped. `None` if it has no power.
+fn prepared(material: &[f64], is_of_one_node: bool) -> Option<(Vec<f64>, usize)> {
     let mut samples = material.to_vec();
-    for _ in 0..PASSES {
-        samples = whitened(&samples, &samples)?;
-    }
+    let wanted = if is_of_one_node {
+        smoothed(material)?
+    } else {
+        let white = vec![1.0; material.len()];
+        for _ in 0..PASSES {
+            samples = filtered(&samples, &samples, &white)?;
+        }
+        white
+    };
     let mut prepared = clipped(samples)?;
     // The noise of the codes is mostly above the felt band, which would lose 0.3 dB to it.
     for _ in 0..PASSES {
         let (_, decoded) = coded_blocks(&prepared.0);
-        prepared = clipped(whitened(&prepared.0, &decoded)?)?;
+        prepared = clipped(filtered(&prepared.0, &decoded, &wanted)?)?;
     }
     Some(prepared)
 }
@@ -209,25 +219,32 @@ fn share_in_one_piece(lag: usize) -> f64 {
 }
 
 /// Returns `samples`, treated as circular, filtered so that the spectrum of `played`, smoothed over pieces of
-/// [`PIECE_SAMPLES`], would be flatter.
+/// [`PIECE_SAMPLES`], would have the shape of `wanted`.
 ///
-/// The filter has linear phase, and its gain is the inverse square root of the smoothed spectrum. `None` if there is no
+/// The filter has linear phase, and its gain is the square root of the ratio of these spectra. `None` if there is no
 /// power.
-fn whitened(samples: &[f64], played: &[f64]) -> Option<Vec<f64>> {
-    let count = samples.len();
-    if count == 0 || !mean_square(samples).is_normal() || !mean_square(played).is_normal() {
+fn filtered(samples: &[f64], played: &[f64], wanted: &[f64]) -> Option<Vec<f64>> {
+    if !mean_square(samples).is_normal() {
         return None;
     }
-    let back = |mut spectrum: Vec<Complex<f64>>| -> Vec<f64> {
-        fourier::inverse(&mut spectrum, count)
-            .iter()
-            .map(|x| x / count as f64)
-            .collect()
-    };
-    let spectrum = fourier::forward(&mut samples.to_vec());
+    let smoothed = smoothed(played)?;
+    let mut spectrum = fourier::forward(&mut samples.to_vec());
+    for (bin, (wanted, smoothed)) in spectrum.iter_mut().zip(wanted.iter().zip(smoothed)) {
+        *bin /= (smoothed / wanted).sqrt();
+    }
+    Some(inverse(spectrum, samples.len()))
+}
+
+/// Returns the power of `played`, treated as circular, at each frequency, smoothed over pieces of [`PIECE_SAMPLES`]; at
+/// least [`LEAST_POWER`] of the mean. `None` if there is no power.
+fn smoothed(played: &[f64]) -> Option<Vec<f64>> {
+    let count = played.len();
+    if !mean_square(played).is_normal() {
+        return None;
+    }
     let power = fourier::forward(&mut played.to_vec());
     let power = power.iter().map(|bin| Complex::new(bin.norm_sqr() / count as f64, 0.0));
-    let mut lags = back(power.collect());
+    let mut lags = inverse(power.collect(), count);
     let reach = (*PIECE_SAMPLES.end()).min(count / 2);
     for lag in 0..=count / 2 {
         // No two samples of one piece are further apart than the longest piece.
@@ -239,12 +256,14 @@ fn whitened(samples: &[f64], played: &[f64]) -> Option<Vec<f64>> {
         }
     }
     let least = LEAST_POWER * lags[0];
-    let smoothed = fourier::forward(&mut lags);
-    let filtered = spectrum
-        .iter()
-        .zip(&smoothed)
-        .map(|(bin, smoothed)| bin / smoothed.re.max(least).sqrt());
-    Some(back(filtered.collect()))
+    let smoothed = fourier::forward(&mut lags).into_iter().map(|bin| bin.re.max(least));
+    Some(smoothed.collect())
+}
+
+/// Returns the `count` real samples whose spectrum this is.
+fn inverse(mut spectrum: Vec<Complex<f64>>, count: usize) -> Vec<f64> {
+    let samples = fourier::inverse(&mut spectrum, count);
+    samples.iter().map(|x| x / count as f64).collect()
 }
 
 #[cfg(test)]
@@ -275,7 +294,7 @@ mod tests {
                 _ => 0.0,
             })
             .collect();
-        let coded = coded(&material).unwrap();
+        let coded = coded(&material, false).unwrap();
         assert_eq!(coded.spec.blocks.len(), 10_000 / 64 * 25);
         assert!(coded.cut == 0, "{}", coded.cut);
         let samples = decoded(&coded.spec);
@@ -294,8 +313,8 @@ mod tests {
     #[test]
     fn noise_of_the_codes_is_18_db_below_the_signal_in_the_felt_band() {
         let material: Vec<f64> = noise(6, 25_600).iter().map(|x| x * (0.4 + x.abs())).collect();
-        let coded = coded(&material).unwrap();
-        let (samples, _) = prepared(&material).unwrap();
+        let coded = coded(&material, false).unwrap();
+        let (samples, _) = prepared(&material, false).unwrap();
         let decoded = decoded(&coded.spec);
         let errors: Vec<f64> = decoded.iter().zip(&samples).map(|(a, b)| a - b).collect();
         let snr_db = 10.0 * (felt_power(&samples) / felt_power(&errors)).log10();
@@ -330,10 +349,21 @@ mod tests {
         }
     }
 
+    /// Centre, Hz, of each third octave from 30 Hz on, and its level in the playback of `samples`, dB of white noise.
+    fn bands_db(samples: &[f64]) -> Vec<(f64, f64)> {
+        let density = played(samples, 1);
+        let of_band = |band| {
+            let centre_hz = 30.0 * 2f64.powf(f64::from(band) / 3.0);
+            let at = |n| density(centre_hz * 2f64.powf((f64::from(n) - 9.5) / 60.0));
+            (centre_hz, 10.0 * ((0..20).map(at).sum::<f64>() / 20.0).log10())
+        };
+        (0..19).map(of_band).collect()
+    }
+
     /// For coloured, heavy-tailed material of even and odd length, long enough that the noise of the codes scatters by
     /// less than 0.1 dB.
     #[test]
-    fn what_is_played_of_a_codebook_is_white_and_of_unit_power() {
+    fn what_is_played_of_a_codebook_is_white_or_as_its_node_left_it_and_of_unit_power() {
         for (seed, count) in [(1, 10_000), (2, 12_001)] {
             let mut last = 0.0;
             let material: Vec<f64> = noise(seed, count)
@@ -343,19 +373,19 @@ mod tests {
                     last
                 })
                 .collect();
-            let coded = coded(&material).unwrap();
+            let coded = coded(&material, false).unwrap();
             let samples = decoded(&coded.spec);
             near(mean_square(&samples), 1.0, 1e-3);
             assert_eq!(coded.cut, 0);
-            let density = played(&samples, seed);
-            for band in 0..19 {
-                let centre = 30.0 * 2f64.powf(f64::from(band) / 3.0);
-                let mean = (0..20)
-                    .map(|n| density(centre * 2f64.powf((f64::from(n) - 9.5) / 60.0)))
-                    .sum::<f64>()
-                    / 20.0;
-                let level_db = 10.0 * mean.log10();
-                assert!(level_db.abs() < 0.3, "{centre} Hz: {level_db} dB");
+            for (centre_hz, level_db) in bands_db(&samples) {
+                assert!(level_db.abs() < 0.3, "{centre_hz} Hz: {level_db} dB");
+            }
+            // Of one node it plays what it is.
+            let kept = decoded(&super::coded(&material, true).unwrap().spec);
+            let power = mean_square(&material);
+            let own: Vec<f64> = material.iter().map(|x| x / power.sqrt()).collect();
+            for ((_, kept_db), (_, own_db)) in bands_db(&kept).into_iter().zip(bands_db(&own)) {
+                near(kept_db, own_db, 0.3);
             }
         }
     }
@@ -367,7 +397,7 @@ mod tests {
         for (n, x) in material.iter_mut().enumerate() {
             *x += 30.0 * (std::f64::consts::TAU * 440.0 / 5000.0 * n as f64).sin();
         }
-        let density = played(&decoded(&coded(&material).unwrap().spec), 5);
+        let density = played(&decoded(&coded(&material, false).unwrap().spec), 5);
         let loudest = (0..2500).map(|hz| density(f64::from(hz))).fold(0.0, f64::max);
         println!("{loudest:.2} of white noise");
         assert!(loudest < 2.0, "{loudest}");
@@ -379,7 +409,7 @@ mod tests {
         for n in (0..20_000).step_by(5000) {
             material[n] = 400.0;
         }
-        let coded = coded(&material).unwrap();
+        let coded = coded(&material, false).unwrap();
         near(mean_square(&decoded(&coded.spec)), 1.0, 1e-3);
         assert!(f64::from(coded.spec.peak) <= 1.15 * HIGHEST_PEAK, "{}", coded.spec.peak);
         assert!(coded.cut > 0);
@@ -387,17 +417,17 @@ mod tests {
 
     #[test]
     fn material_without_power_has_no_codebook_and_an_impulse_has_one() {
-        assert_eq!(coded(&[]), None);
-        assert_eq!(coded(&vec![0.0; 5000]), None);
-        assert_eq!(coded(&vec![f64::NAN; 5000]), None);
+        assert_eq!(coded(&[], false), None);
+        assert_eq!(coded(&vec![0.0; 5000], true), None);
+        assert_eq!(coded(&vec![f64::NAN; 5000], true), None);
         let mut impulse = vec![0.0; 5000];
         impulse[700] = 1e-3;
-        if let Some(coded) = coded(&impulse) {
+        if let Some(coded) = coded(&impulse, false) {
             near(mean_square(&decoded(&coded.spec)), 1.0, 1e-3);
             assert!(coded.spec.peak <= 40.0);
         }
         let alternating: Vec<f64> = (0..5000).map(|n| if n % 2 == 0 { 3.0 } else { -3.0 }).collect();
-        let coded = coded(&alternating).unwrap();
+        let coded = coded(&alternating, false).unwrap();
         near(mean_square(&decoded(&coded.spec)), 1.0, 1e-3);
     }
 }

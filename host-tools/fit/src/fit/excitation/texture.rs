@@ -122,7 +122,7 @@ impl Choice<'_> {
                 let material = choose(&own, stretches, bound::most(own.iter().copied(), reach))?;
                 Some(OfSpeeds {
                     speeds,
-                    coded: coded(&material.samples)?,
+                    coded: coded(&material.samples, own.iter().all(|trace| trace.at == own[0].at))?,
                     trials: material.trials,
                     seconds: material.samples.len() as f64 / f64::from(SAMPLE_RATE_HZ),
                 })
