@@ -36,7 +36,7 @@ fn removed_nodes_are_predicted_alike_by_any_number_of_threads_and_worse_than_a_n
     let (one, three) = (run("1", "one.json"), run("3", "three.json"));
     assert_eq!(one, three);
     assert_eq!(bench.read("one.json"), bench.read("three.json"));
-    holds(&one, &["SIMULATED", "36.0 ± 9.0"]);
+    holds(&one, &["SIMULATED"]);
     let test = &bench.report("one.json")["removed_nodes"];
     // Four inner speeds, one inner force.
     assert_eq!(test["removed"].as_array().unwrap().len(), 4);
