@@ -202,7 +202,8 @@ pub static REQUESTS: LazyLock<Vec<Request>> = LazyLock::new(|| {
 fn no_request_of_the_link_is_missing_in_the_list() {
     let requests = ENDPOINTS.endpoints.iter().map(|(path, request, _)| (path, request));
     let topics = TOPICS_IN.topics.iter().map(|(path, key)| (path, key));
-    for (path, key) in requests.chain(topics) {
+    // Another crate has requests of its own, which tell schemas.
+    for (path, key) in requests.chain(topics).filter(|(path, _)| path.starts_with("stylus/")) {
         assert!(REQUESTS.iter().any(|request| request.key == *key), "{path}");
     }
 }
