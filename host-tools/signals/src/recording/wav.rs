@@ -44,8 +44,8 @@ pub(super) fn read(path: &Path, given_hz: Option<f64>, cut: &Cut) -> Result<Sour
     } = wave.format;
     let told_hz = f64::from(told_hz);
     let rate_hz = given_hz.unwrap_or(told_hz);
-    let rate = SampleRate::new(rate_hz, "mend its header, or convert it again")
-        .map_err(|fault| Error::file(path, fault))?;
+    let rate =
+        SampleRate::new(rate_hz, "mend its header, or convert it again").map_err(|fault| Error::file(path, fault))?;
     let (first, end) = cut.frames(rate_hz);
     let (declared, held) = (wave.declared_frames, wave.held_frames);
     // Only the part that is used must be there.

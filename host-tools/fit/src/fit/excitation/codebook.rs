@@ -398,7 +398,6 @@ mod tests {
         }
         let density = played(&decoded(&coded(&material, false).unwrap().spec), 5);
         let loudest = (0..2500).map(|hz| density(f64::from(hz))).fold(0.0, f64::max);
-        println!("{loudest:.2} of white noise");
         assert!(loudest < 2.0, "{loudest}");
     }
 
