@@ -127,6 +127,7 @@ fn what_cannot_be_used_is_refused_in_one_line_and_nothing_is_written() {
         fit infinite.wav --out o.lib | infinite.wav | sample 77 | not a finite number
         fit not.wav --out o.lib | not.wav | WAV
         fit cut.wav --out o.lib | cut.wav | truncated
+        fit noise.wav --start 1e300 --out o.lib | noise.wav | give an earlier start_s
         fit noise.wav --reduce z --out o.lib | axis 3 | has 1 in all
         fit noise.wav --out nowhere/o.lib | nowhere
         evaluate set --library nowhere.lib | nowhere.lib

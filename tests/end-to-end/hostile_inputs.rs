@@ -107,6 +107,7 @@ fn sizes_in_a_wav_header_size_no_memory() {
     endless[data + 4..data + 8].copy_from_slice(&[255, 255, 255, 63]);
     for (name, bytes, words) in [
         ("channels", changed(22, &[255, 255]), "65535 channels"),
+        ("none", changed(22, &[0, 0]), "0 channels"),
         ("list", list, "'LIST' of 4294967280 bytes"),
         ("length", endless, "truncated"),
     ] {

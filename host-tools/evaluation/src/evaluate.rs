@@ -55,8 +55,8 @@ pub struct Options {
         default_value_t = DEFAULT_SMOOTHING_WIDTH_HZ
     )]
     pub smoothing_hz: f64,
-    /// Least duration of each synthesis, in seconds, and half of it of removed nodes; band levels are more exact in
-    /// longer ones
+    /// Least duration of each synthesis, in seconds; those of removed nodes take half of it. Band levels are more exact
+    /// in longer ones
     #[arg(long = "synthesis", value_name = "S", value_parser = positive, default_value_t = 10.0)]
     pub synthesis_s: f64,
     /// Seed of the noise; each trial has its own

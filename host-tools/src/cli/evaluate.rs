@@ -99,8 +99,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if let Some(path) = &arguments.library {
         return evaluate_library(arguments, path, set);
     }
-    let options = removal_options(arguments);
-    let test = removed_node_test(&set, &options)?;
+    let test = removed_node_test(&set, &removal_options(arguments))?;
     write_numbers(arguments, None, Some(&test))?;
     print(&removed_nodes(&test))
 }
@@ -203,9 +202,8 @@ fn evaluate_library(arguments: &Arguments, path: &Path, set: RecordingSet) -> Re
     let takes = (arguments.recordings).open_takes(arguments.takes.as_ref())?;
     let chosen = choose(&set, takes, record.as_ref(), arguments.judging.conditioning)?;
     let evaluation = evaluate_set(&set, &library, chosen.judges, record.as_ref(), &options)?;
-    let removal = removal_options(arguments);
-    let asked = arguments.leave_one_out;
-    let test = asked.then(|| removed_node_test(&set, &removal)).transpose()?;
+    let removed = || removed_node_test(&set, &removal_options(arguments));
+    let test = arguments.leave_one_out.then(removed).transpose()?;
     // Written before anything is printed, so that a reader that closes the output early does not cost the numbers.
     write_numbers(arguments, Some(&evaluation), test.as_ref())?;
     print(&summary(&evaluation))?;

@@ -160,8 +160,13 @@ impl FittedTexture {
 
     /// Returns the texture, ready to be encoded.
     pub fn spec(&self) -> TextureSpec {
-        let nodes = self.nodes.clone();
-        spec_of(&self.name, self.sample_rate_hz, self.provenance, &self.grid, nodes)
+        spec_of(
+            &self.name,
+            self.sample_rate_hz,
+            self.provenance,
+            &self.grid,
+            self.nodes.clone(),
+        )
     }
 }
 

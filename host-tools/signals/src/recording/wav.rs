@@ -7,8 +7,8 @@ use std::path::Path;
 use stylus_support::{Error, Result};
 
 use super::defects::{Timing, Truncation};
-use super::rate::{MAX_CHANNELS, SampleRate, counts_before, length_fault};
-use super::riff::{self, SampleFormat, Wave, skip};
+use super::rate::{SampleRate, counts_before, length_fault};
+use super::riff::{self, Wave, skip};
 use super::source::{Cut, Source};
 use super::unit::{Stated, Unscaled};
 
@@ -36,13 +36,8 @@ fn is_of_sound_card(rate_hz: f64) -> bool {
 /// are divided by their full scale. A given rate, Hz, counts before that of the header.
 pub(super) fn read(path: &Path, given_hz: Option<f64>, cut: &Cut) -> Result<Source> {
     let mut wave = riff::open(path)?;
-    let SampleFormat {
-        rate_hz: told_hz,
-        sample_bytes,
-        are_integers,
-        ..
-    } = wave.format;
-    let told_hz = f64::from(told_hz);
+    let format = wave.format;
+    let told_hz = f64::from(format.rate_hz);
     let rate_hz = given_hz.unwrap_or(told_hz);
     let rate =
         SampleRate::new(rate_hz, "mend its header, or convert it again").map_err(|fault| Error::file(path, fault))?;
@@ -54,7 +49,7 @@ pub(super) fn read(path: &Path, given_hz: Option<f64>, cut: &Cut) -> Result<Sour
         return Err(Error::file(path, problem));
     }
     let channels = samples(path, &mut wave, first as u64..held.min(end as u64))?;
-    let are_narrow = are_integers && sample_bytes == 4 && are_narrow(&channels);
+    let are_narrow = format.are_integers && format.sample_bytes == 4 && are_narrow(&channels);
     let is_of_sound_card = is_of_sound_card(told_hz) && channels.iter().flatten().all(|x| x.abs() <= 1.0);
     Ok(Source {
         rate,
@@ -63,7 +58,7 @@ pub(super) fn read(path: &Path, given_hz: Option<f64>, cut: &Cut) -> Result<Sour
         times_s: None,
         truncation: (held < declared).then_some(Truncation { declared, held }),
         stated: Stated::default(),
-        unscaled: (are_integers || is_of_sound_card).then_some(Unscaled::OfFullScale),
+        unscaled: (format.are_integers || is_of_sound_card).then_some(Unscaled::OfFullScale),
         remarks: (wave.is_unfinished.then(|| UNFINISHED.to_owned()).into_iter())
             .chain(are_narrow.then(|| NARROW.to_owned()))
             .chain(given_hz.and_then(|given_hz| counts_before(given_hz, "its header says", told_hz)))
@@ -75,19 +70,20 @@ pub(super) fn read(path: &Path, given_hz: Option<f64>, cut: &Cut) -> Result<Sour
 /// Returns the samples of the `wanted` frames, which are there, by channel.
 fn samples(path: &Path, wave: &mut Wave, wanted: Range<u64>) -> Result<Vec<Vec<f64>>> {
     let format = wave.format;
-    let count = wanted.end.saturating_sub(wanted.start);
+    // A start behind the end, however far, is no place in the file.
+    let begin = wanted.start.min(wanted.end);
+    let count = wanted.end - begin;
     if let Some(fault) = length_fault(count as f64, format.channels) {
         return Err(Error::file(path, fault));
     }
     // In its final size, because growing would take twice the memory.
     let channel = |_| Vec::with_capacity(count as usize);
     let mut channels: Vec<Vec<f64>> = (0..format.channels).map(channel).collect();
-    let mut frame = [0; MAX_CHANNELS * size_of::<f64>()];
-    let frame = &mut frame[..format.frame_bytes()];
+    let mut frame = vec![0; format.frame_bytes()];
     let mut read = || {
-        skip(&mut wave.file, wanted.start * frame.len() as u64)?;
+        skip(&mut wave.file, begin * frame.len() as u64)?;
         for _ in 0..count {
-            wave.file.read_exact(frame)?;
+            wave.file.read_exact(&mut frame)?;
             for (channel, sample) in channels.iter_mut().zip(frame.chunks_exact(format.sample_bytes)) {
                 channel.push(format.value(sample));
             }
@@ -101,7 +97,7 @@ fn samples(path: &Path, wave: &mut Wave, wanted: Range<u64>) -> Result<Vec<Vec<f
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::recording::most_frames;
+    use crate::recording::{MAX_CHANNELS, most_frames};
     use stylus_support::float_wav::float_wav;
     use test_helpers::{holds, new_file};
 

@@ -376,6 +376,7 @@ mod tests {
             let coded = coded(&material, false).unwrap();
             let samples = decoded(&coded.spec);
             near(mean_square(&samples), 1.0, 1e-3);
+            assert_eq!(coded.cut, 0);
             for (centre_hz, level_db) in bands_db(&samples) {
                 assert!(level_db.abs() < 0.3, "{centre_hz} Hz: {level_db} dB");
             }

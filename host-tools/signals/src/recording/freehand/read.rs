@@ -82,7 +82,8 @@ impl Freehand {
             let value = column.scale * row.number(index)?;
             let is_good = value.is_finite() && value.abs() <= column.limit;
             if !is_good {
-                (self.outlier).get_or_insert_with(|| format!("line {}: {} is {value}", row.line, names[index]));
+                self.outlier
+                    .get_or_insert_with(|| format!("line {}: {} is {value}", row.line, names[index]));
             }
             bad |= !is_good;
             // Segments and strokes leave out a block with an outlier, so any finite number will do for them.
@@ -117,7 +118,8 @@ impl Freehand {
             let is_bad = value.abs() > MAX_SPEED_MM_S;
             if is_bad {
                 let line = table.line_of_row(index + 1);
-                (self.outlier).get_or_insert_with(|| format!("line {line}: the speed of its positions is {value}"));
+                self.outlier
+                    .get_or_insert_with(|| format!("line {line}: the speed of its positions is {value}"));
             }
             self.is_outlier[index] |= is_bad;
             self.speed_mm_s.push(if is_bad { 0.0 } else { value.abs() });
@@ -503,7 +505,7 @@ impl Columns {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use test_helpers::{near, new_file};
+    use test_helpers::{holds, near, new_file};
 
     #[test]
     fn times_in_any_unit_give_the_same_recording() {
@@ -548,7 +550,7 @@ mod tests {
         let jumped = read(&path, None, None).unwrap();
         let bad = jumped.is_outlier.iter().filter(|bad| **bad).count();
         assert!((1..40).contains(&bad), "{bad}");
-        test_helpers::holds(&jumped.outlier.unwrap(), &["line 9", "speed of its positions"]);
+        holds(&jumped.outlier.unwrap(), &["line 988: the", "speed of its positions"]);
         near(jumped.speed_mm_s[100], 100.0, 1e-6);
     }
 
@@ -563,7 +565,7 @@ mod tests {
         };
         let beside = read_as("accel,friction,state", ",0.46,sliding");
         let told = "column 'friction' and 1 other are left out";
-        test_helpers::holds(&beside.remarks.concat(), &[told]);
+        holds(&beside.remarks.concat(), &[told]);
         assert_eq!(beside.axes, read_as("accel", "").axes);
     }
 }
