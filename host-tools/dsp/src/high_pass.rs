@@ -6,7 +6,7 @@
 use std::f64::consts::TAU;
 
 use crate::spectrum::PowerSpectrum;
-use crate::sums::mean;
+use crate::sums::{Moments, moments, sum};
 
 /// Frequency below which power counts as the motion of a hand or rig, Hz.
 pub const SLOW_HZ: f64 = 10.0;
@@ -20,18 +20,23 @@ const QUALITY: [f64; 2] = [0.541_196_100_146_197, 1.306_562_964_876_377];
 /// Length of the extrapolation of a signal beyond its ends, in periods of the cut-off frequency.
 const CONTINUATION_PERIODS: f64 = 3.0;
 
+/// Rate of the means from which slow motion is computed, Hz. At [`SLOW_HZ`] a mean over a period of it loses 0.04 dB.
+const MEANS_HZ: f64 = 200.0;
+
 /// Returns the fraction of the power of `axes`, about their means, that is below [`SLOW_HZ`]; 0 without power. The
 /// spectra use segments of 1 s, or shorter ones for a shorter recording.
 pub fn slow_share(axes: &[Vec<f64>], rate_hz: f64) -> f64 {
     let (mut slow, mut all) = (0.0, 0.0);
+    let group = ((rate_hz / MEANS_HZ) as usize).max(1);
     for axis in axes {
-        let mean = mean(axis);
-        let centred: Vec<f64> = axis.iter().map(|x| x - mean).collect();
-        let spectrum = PowerSpectrum::welch(&centred, rate_hz);
+        let Moments { mean, variance } = moments(axis);
+        let means = axis.chunks_exact(group).map(|part| sum(part) / group as f64 - mean);
+        let spectrum = PowerSpectrum::welch(&means.collect::<Vec<_>>(), rate_hz / group as f64);
         slow += spectrum.power_between(0.0, SLOW_HZ);
-        all += spectrum.power_between(0.0, 0.5 * rate_hz);
+        all += variance;
     }
-    if all > 0.0 { slow / all } else { 0.0 }
+    // A spectrum weighs some moments more than others, as the variance does not.
+    if all > 0.0 { (slow / all).min(1.0) } else { 0.0 }
 }
 
 /// Lowest valid frequency of a recording after a high-pass at `cut_hz`, Hz.

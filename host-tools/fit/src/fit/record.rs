@@ -323,7 +323,7 @@ impl Formatter for Rounded {
 
 /// Returns the hash of `bytes` in hexadecimal digits.
 fn content_hash(bytes: &[u8]) -> String {
-    digits(Fnv::of(bytes))
+    digits(Fnv::default().then_words(bytes).value())
 }
 
 fn digits(hash: u64) -> String {
@@ -336,15 +336,15 @@ pub(super) fn content_of(trial: &Trial) -> Result<u64> {
         return Ok(held.content());
     }
     let mut file = Format::Wave.open(&trial.file)?;
-    // Read in pieces, because a recording may have gigabytes.
-    let (mut buffer, mut hash) = (vec![0; PIECE], Fnv::default());
+    // Read in whole pieces, because a recording may have gigabytes, and a hash of words depends on where pieces end.
+    let (mut buffer, mut hash) = (Vec::with_capacity(PIECE), Fnv::default());
     loop {
-        match file.read(&mut buffer) {
-            Ok(0) => return Ok(hash.value()),
-            Ok(read) => hash = hash.then(&buffer[..read]),
-            Err(failure) if failure.kind() == io::ErrorKind::Interrupted => {}
-            Err(failure) => return Err(Error::io("read", &trial.file)(failure)),
+        let piece = file.by_ref().take(PIECE as u64).read_to_end(&mut buffer);
+        if piece.map_err(Error::io("read", &trial.file))? == 0 {
+            return Ok(hash.value());
         }
+        hash = hash.then_words(&buffer);
+        buffer.clear();
     }
 }
 

@@ -3,7 +3,8 @@
 
 use model_format::{BLOCK_BYTES, BLOCK_MAGNITUDES, BLOCK_SAMPLES, CodebookSpec, SAMPLE_RATE_HZ, block_scale, limits};
 use stylus_dsp::fourier::{self, Complex};
-use stylus_dsp::sums::{dot, mean_square};
+use stylus_dsp::sums::{mean_square, sum_of};
+use stylus_dsp::wide;
 
 /// Range of lengths over which the spectrum of a material is whitened, samples: 20 to 80 ms, the resolution of third
 /// octaves. A finer one would smear events.
@@ -55,10 +56,10 @@ pub(super) fn coded(material: &[f64], is_of_one_node: bool) -> Option<Coded> {
 /// Returns the bytes of whole blocks of `samples`, and what they decode to.
 fn coded_blocks(samples: &[f64]) -> (Vec<u8>, Vec<f64>) {
     let peak = peak_of(samples);
-    let mut errors = [0.0; SHAPING.len()];
+    let mut made_good = [0.0; SHAPING.len()];
     let (mut bytes, mut decoded) = (Vec::new(), Vec::new());
     for block in samples.as_chunks().0 {
-        bytes.extend(coded_block(block, peak, &mut errors, &mut decoded));
+        bytes.extend(coded_block(block, peak, &mut made_good, &mut decoded));
     }
     (bytes, decoded)
 }
@@ -87,18 +88,27 @@ impl Scale {
         )
     }
 
-    /// Returns the error of the codes of `samples`.
+    /// Returns the sum of the squared errors of the codes of `samples`.
     fn error(&self, samples: &[f64]) -> f64 {
-        samples.iter().map(|&x| (self.code(x).1 - x).powi(2)).sum()
+        let distance = |x: f64| self.magnitudes.map(|magnitude| (x.abs() - magnitude).abs());
+        wide(
+            #[inline(always)]
+            || {
+                sum_of(samples, |x| {
+                    distance(x).into_iter().fold(f64::INFINITY, f64::min).powi(2)
+                })
+            },
+        )
     }
 }
 
 /// Returns the bytes of a block of samples, for a codebook with this `peak`, and appends what they decode to. The
-/// block's level is the one with the least error. The last `errors`, the latest first, shape those of this block.
+/// block's level is the one with the least error. What errors of the last blocks add to its first samples is in
+/// `made_good`, which goes on to the next block.
 fn coded_block(
     samples: &[f64; BLOCK_SAMPLES],
     peak: f64,
-    errors: &mut [f64; SHAPING.len()],
+    made_good: &mut [f64; SHAPING.len()],
     decoded: &mut Vec<f64>,
 ) -> [u8; BLOCK_BYTES] {
     /// Levels that are tried below and above the block's own peak: 6 dB and 1 dB, in steps of 0.5 dB.
@@ -114,10 +124,14 @@ fn coded_block(
     let mut bytes = [0; BLOCK_BYTES];
     for (index, &x) in samples.iter().enumerate() {
         // Errors of a louder block before are beyond what this block's codes can make good.
-        let wanted = x + dot(errors, &SHAPING).clamp(-most, most);
+        let wanted = x + made_good[0].clamp(-most, most);
         let (code, value) = scale.code(wanted);
-        errors.rotate_right(1);
-        errors[0] = value - wanted;
+        // Of the sum for a sample, only the product with the error just before it has to wait for that error.
+        made_good.rotate_left(1);
+        made_good[SHAPING.len() - 1] = 0.0;
+        for (sum, weight) in made_good.iter_mut().zip(SHAPING) {
+            *sum += weight * (value - wanted);
+        }
         decoded.push(value);
         let bits = (code << (3 * index % 8)) as u16;
         let [low, high] = bits.to_le_bytes();

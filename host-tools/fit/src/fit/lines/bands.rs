@@ -157,11 +157,13 @@ impl WholeSpectrum {
         let share = self.samples as f64 / self.length as f64;
         let count = (2.0 * share * sum * sum / squares.max(f64::MIN_POSITIVE) - 1.0).max(1.0);
         let envelope = self.envelope_of([low, high]);
-        let intensities = || envelope.middle().map(|(_, value)| value.norm_sqr());
-        let number = intensities().count() as f64;
-        let mean = intensities().sum::<f64>() / number;
-        let ln_mean = intensities().map(|i| i.max(f64::MIN_POSITIVE).ln()).sum::<f64>() / number;
-        let ln_ratio = mean.ln() - ln_mean;
+        let intensities: Vec<f64> = envelope.middle().map(|(_, value)| value.norm_sqr()).collect();
+        let mean = intensities.iter().sum::<f64>() / intensities.len() as f64;
+        // One logarithm of the product of eight ratios, none of which is so small that the product is zero.
+        let ln_of_products = intensities
+            .chunks(8)
+            .map(|some| some.iter().map(|i| (i / mean).max(1e-30)).product::<f64>().ln());
+        let ln_ratio = -ln_of_products.sum::<f64>() / intensities.len() as f64;
         if ln_ratio < MOST_LN_RATIO {
             ln_bound(count, ln_ratio)
         } else {
@@ -193,16 +195,25 @@ impl Envelope {
             turns.push(phase);
         }
         let per_sample = self.lowest_hz / f64::from(SAMPLE_RATE_HZ);
-        let end = turns.len() - 1;
-        (0..samples)
-            .map(|n| {
-                let at = n as f64 / self.step;
-                let left = (at as usize).min(end);
-                let right = (left + 1).min(end);
-                let share = at - left as f64;
-                turns[left] + share * (turns[right] - turns[left]) + per_sample * n as f64
-            })
-            .collect()
+        let between = self.at_samples(&turns, samples).enumerate();
+        between.map(|(n, turns)| turns + per_sample * n as f64).collect()
+    }
+
+    /// Returns the magnitude at each of `samples` samples.
+    pub(super) fn magnitudes(&self, samples: usize) -> Vec<f64> {
+        let magnitudes: Vec<f64> = self.values.iter().map(|value| value.norm_sqr().sqrt()).collect();
+        self.at_samples(&magnitudes, samples).collect()
+    }
+
+    /// Interpolates `values`, one per value of the envelope, at each of `samples` samples.
+    fn at_samples(&self, values: &[f64], samples: usize) -> impl Iterator<Item = f64> {
+        let end = values.len() - 1;
+        (0..samples).map(move |n| {
+            let at = n as f64 / self.step;
+            let left = (at as usize).min(end);
+            let right = (left + 1).min(end);
+            values[left] + (at - left as f64) * (values[right] - values[left])
+        })
     }
 }
 

@@ -213,7 +213,8 @@ fn without(signal: &mut [f64], course: Option<&Course>, weave: &Weave) -> Vec<Op
             wave.iter_mut().zip(&fundamental).for_each(|(w, z)| *w *= z);
         }
         power = number;
-        subtract(signal, amplitude * (1.0 - stays), &wave);
+        let held: Vec<_> = wave.iter().zip(&course.held).map(|(w, held)| w * held).collect();
+        subtract(signal, amplitude * (1.0 - stays), &held);
         Some(clean)
     });
     amplitudes.collect()

@@ -24,7 +24,7 @@ use crate::fit::trial::Analysis;
 
 /// First bytes of a file, including the version of the format. The version changes with the content of a file and with
 /// what the map computes.
-const MAGIC: [u8; 8] = *b"stylusP5";
+const MAGIC: [u8; 8] = *b"stylusP6";
 
 /// Largest number of trials of a unit if no lines are sought and no trial has the rig's noise.
 pub(super) const MOST_TRIALS: usize = 64;
