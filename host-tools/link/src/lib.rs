@@ -74,7 +74,7 @@ pub mod link {
     pub use wire::{BrokenFrame, FrameDecoder};
 }
 
-/// Procedures that a person carries out with a stylus. Each makes several requests over a [`link`](crate::link).
+/// Procedures that a person carries out with a stylus. Each makes several requests over a [`link`].
 ///
 /// | module | subject |
 /// |---|---|
