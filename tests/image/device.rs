@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::path::PathBuf;
 
 use fake_stylus::requests::frame;
-use hil::injection::{FaultTopic, Injected};
+use hil::checks::faults::{FaultTopic, Injected};
 use model_format::link::{
     InfoEndpoint, KEEP_ALIVE_MS, KeepAliveTopic, MAX_DEVICE_FRAME_BYTES, RecordBlock, RecordBlockTopic,
 };

@@ -2,7 +2,7 @@
 //! see only the status.
 
 use hil::checks::faults::{ENDING, Ending};
-use hil::injection::Injected;
+use hil::checks::faults::Injected;
 use model_format::link::{ResetReason, Setting};
 use virtual_stylus::ResetCause;
 use virtual_stylus::model::dac::{Cause, Output};

@@ -1,7 +1,7 @@
 //! Recorded inputs: no sample is lost or changed, and all are taken at exact instants. Late ticks are reported, and
 //! interference on the encoder's wires does not count.
 
-use hil::injection::Injected;
+use hil::checks::faults::Injected;
 use model_format::link::{BLOCK_SAMPLES, RecordSample};
 use stylus_board::{ALL, Board};
 use virtual_stylus::Options;

@@ -1,7 +1,7 @@
 //! The output from the tick to the pin: its latency, late ticks, a core that stops, and the signal that enables the
 //! amplifier.
 
-use hil::injection::Injected;
+use hil::checks::faults::Injected;
 use model_format::SAMPLE_RATE_HZ;
 use model_format::link::{MuteReasons, Setting, Status};
 use stylus_app::safety;

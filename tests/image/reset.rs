@@ -1,6 +1,6 @@
 //! The time from each kind of reset to the first tick: the pins of the output, and stores to RAM.
 
-use hil::injection::Injected;
+use hil::checks::faults::Injected;
 use stylus_boot::map::{ACTIVE, FLASH};
 use virtual_stylus::model::dac::{Cause, Output};
 use virtual_stylus::model::pin::Drive;

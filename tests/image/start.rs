@@ -2,7 +2,7 @@
 //! quick succession.
 
 use fake_stylus::device::change;
-use hil::injection::Injected;
+use hil::checks::faults::Injected;
 use model_format::link::{
     BoardName, ClockSource, FaultKind, InfoEndpoint, MuteReason, PROTOCOL_VERSION, PlayEndpoint, PlayError,
     QUICK_FAULTS, ResetReason, SCHEMA_HASH, Setting, SettingsError, SiliconRevision, StartReport, StartStage,

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use hil::injection::Injected;
+use hil::checks::faults::Injected;
 use model_format::link::{
     BoardName, DEVELOPMENT_SEED, HEADER_BYTES, ImageVersion, ResetReason, Setting, TRIAL_MS, UNSIGNED, UPLOAD_WINDOW,
     UpdateBegin, UpdateBeginEndpoint, UpdateCommitEndpoint, UpdateConfirmEndpoint, UpdateError, UpdatePhase,

@@ -9,7 +9,7 @@ use model_format::{Library, OutputSample};
 use stylus_kernel::digest::{DIGEST_SEED, DIGEST_WORDS};
 use stylus_player::{BLOCK_NUMBERS, BlockMotion, Filter, Selection, Without, delay_s};
 
-use crate::fault::{Fault, MOST_BLOCKS};
+use crate::session::{Fault, MOST_BLOCKS};
 use crate::session::{MOST_SAMPLES, STATE_NUMBERS, Session, motion_of_digest};
 
 /// Room for texts, bytes.

@@ -1,12 +1,13 @@
-//! A library being played, block by block, as the device plays it.
+//! A library being played, block by block, as the device plays it; and the faults of a call, with their numbers and
+//! texts.
 
-use model_format::{Library, OutputSample, Texture};
+use core::fmt;
+
+use model_format::{DecodeError, Library, OutputSample, Texture};
 use stylus_kernel::digest::{DIGEST_WORDS, Digest, Stroke};
 use stylus_kernel::grid::{GridPoint, ONE};
 use stylus_kernel::scene::Plan;
-use stylus_player::{BlockMotion, Playing, Selection, Without, plan_of};
-
-use crate::fault::{Fault, MOST_BLOCKS};
+use stylus_player::{BlockMotion, ChoiceError, Playing, Selection, Without, plan_of};
 
 /// Samples of so many blocks at 10 kHz.
 pub const MOST_SAMPLES: usize = MOST_BLOCKS * 20;
@@ -185,5 +186,75 @@ impl<'a> Session<'a> {
         let mut textures = self.library.textures();
         let found = textures.position(|other| other.name() == texture.name());
         found.map_or(-1.0, |index| index as f64)
+    }
+}
+
+/// Blocks that one call plays at most: half a second.
+pub const MOST_BLOCKS: usize = 256;
+
+/// A call that was refused. What played before goes on.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Fault {
+    /// No library is loaded.
+    NoLibrary,
+    /// Bytes that are no library, or a damaged one.
+    Library(DecodeError),
+    /// A library is loaded already.
+    Loaded,
+    /// A texture or scene that is not there, or cannot be played.
+    Choice(ChoiceError),
+    /// Nothing is chosen.
+    NothingChosen,
+    /// More blocks than one call plays.
+    TooManyBlocks(usize),
+    /// A speed, force or position that cannot be played.
+    Motion {
+        /// The block of the call, from 0.
+        block: usize,
+        /// The column and its fault.
+        problem: &'static str,
+    },
+}
+
+impl Fault {
+    /// Number of the fault, as exports return it; never 0.
+    pub const fn status(&self) -> u32 {
+        match self {
+            Self::NoLibrary => 1,
+            Self::Library(_) => 2,
+            Self::Loaded => 3,
+            Self::Choice(ChoiceError::NoTexture { .. }) => 4,
+            Self::Choice(_) => 5,
+            Self::NothingChosen => 6,
+            Self::TooManyBlocks(_) => 7,
+            Self::Motion { .. } => 8,
+        }
+    }
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NoLibrary => f.write_str("no library is loaded: call reserve, write it there, and call load"),
+            Self::Library(error) => write!(f, "this is no library that can be played: {error}"),
+            Self::Loaded => f.write_str("a library is loaded already: make another instance of the module"),
+            Self::Choice(error) => error.fmt(f),
+            Self::NothingChosen => f.write_str("nothing is chosen: call choose_texture or choose_scene"),
+            Self::TooManyBlocks(blocks) => {
+                write!(
+                    f,
+                    "{blocks} blocks are more than one call plays: ask for at most {MOST_BLOCKS}"
+                )
+            }
+            Self::Motion { block, problem } => write!(f, "block {block} of the motion: {problem}"),
+        }
+    }
+}
+
+impl core::error::Error for Fault {}
+
+impl From<ChoiceError> for Fault {
+    fn from(error: ChoiceError) -> Self {
+        Self::Choice(error)
     }
 }

@@ -21,9 +21,9 @@ use stylus_fit::texture::library::{decoded, library_of};
 use stylus_signals::playing::motion::MotionPath;
 use stylus_signals::playing::render::{Rendered, render};
 use stylus_signals::recording::{RecordingSet, Trial};
-use stylus_support::file_name::portable;
 use stylus_support::in_order::in_order;
-use stylus_support::nearest::{listed, nearly};
+use stylus_support::names::portable;
+use stylus_support::names::{listed, nearly};
 use stylus_support::number::{not_negative, positive};
 use stylus_support::{Error, Result};
 

@@ -51,7 +51,7 @@ impl Table {
 
 /// Returns a number with this number of decimals, or a dash.
 pub fn number(value: Option<f64>, decimals: usize) -> String {
-    value.map_or("-".into(), |value| stylus_support::decimal::fixed(value, decimals))
+    value.map_or("-".into(), |value| stylus_support::number::fixed(value, decimals))
 }
 
 /// Returns a fraction in per cent with this number of decimals, or a dash. The heading has the per cent sign.

@@ -8,22 +8,18 @@
 #[cfg(feature = "list")]
 extern crate std;
 
-mod filter;
 #[cfg(feature = "list")]
 mod float;
 #[cfg(feature = "list")]
 mod list;
 #[cfg(feature = "list")]
 mod models;
-mod path;
 mod player;
 
-pub use filter::{Filter, Lattice, any_at_end, energy, full_scale};
 #[cfg(feature = "list")]
 pub use float::{Deviation, FloatLattice};
 #[cfg(feature = "list")]
 pub use list::{Case, Length, suite};
 #[cfg(feature = "list")]
 pub use models::{NamedModel, fixtures, resonance};
-pub use path::{FORCES_N, Path, SPEEDS_MM_S};
-pub use player::{Drive, Player};
+pub use player::{Drive, FORCES_N, Filter, Lattice, Path, Player, SPEEDS_MM_S, any_at_end, energy, full_scale};

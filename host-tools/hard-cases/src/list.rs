@@ -9,7 +9,7 @@ use std::vec::Vec;
 use model_format::limits::MAX_OUTPUT_POWER;
 
 use crate::models::{NamedModel, falling, fixtures, resonance, resonances};
-use crate::path::{FORCES_N, Path, SPEEDS_MM_S};
+use crate::player::{FORCES_N, Path, SPEEDS_MM_S};
 
 /// The highest power, at which the output has an RMS of an eighth of full scale.
 const LOUDEST: f64 = MAX_OUTPUT_POWER as f64;

@@ -420,7 +420,7 @@ fn zip(paths: &[PathBuf], path: &Path) -> Result<Value> {
     }
     let names: Vec<String> = all
         .iter()
-        .map(|(path, _)| stylus_support::file_name::portable(path))
+        .map(|(path, _)| stylus_support::names::portable(path))
         .collect();
     let contents = names
         .iter()

@@ -8,7 +8,7 @@ use stylus_signals::recording::freehand::is_simulated;
 use stylus_signals::recording::pattern::{Named, Pattern, one_number};
 use stylus_signals::recording::{Kind, LIST_COLUMNS, RecordingSet, Trial, is_list, read, scale};
 use stylus_support::csv_table::written;
-use stylus_support::file_name::portable;
+use stylus_support::names::portable;
 use stylus_support::{Error, Result};
 use stylus_support::{atomic_file, files};
 

@@ -1,7 +1,7 @@
 //! The motion of each block, from the mover's latest message.
 
-use crate::mailbox::{Mailbox, Words};
-use crate::motion::{BLOCK_NUMBERS, BlockMotion};
+use crate::exchange::{Mailbox, Words};
+use crate::playing::{BLOCK_NUMBERS, BlockMotion};
 
 /// Number of blocks, of 2 ms each, for which a motion is held in addition to the blocks of a buffer.
 pub const HELD_BLOCKS: u32 = 25;

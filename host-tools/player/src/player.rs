@@ -7,11 +7,11 @@ use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use model_format::{OutputSample, PlayRate};
 use stylus_kernel::update_interval_samples;
 
+use crate::choice::SharedLibrary;
 use crate::choice::{ChoiceError, Selection, Without, plan_of};
+use crate::exchange::{Given, Handover};
 use crate::follow::{Follower, HELD_BLOCKS, MOST_MOTION, MoverMessage, Moves};
-use crate::handover::{Given, Handover};
-use crate::library::SharedLibrary;
-use crate::motion::BlockMotion;
+use crate::playing::BlockMotion;
 use crate::playing::Playing;
 use crate::resampler::{self, Resampler};
 use crate::stages::{Blocker, Output, Scale};

@@ -1,20 +1,21 @@
-//! Fits: from recordings to a library.
+//! Fits: from recordings to a library, and from HaTT's model files.
 
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use host_tools::fit as fitted;
 use host_tools::fit::Options;
+use host_tools::fit::hatt::convert::far_nodes;
+use host_tools::fit::hatt::import::{self as hatt, ImportReport, files, import, plan, read_all};
 use host_tools::fit::record::FitRecord;
 use host_tools::recording::{freehand, texture_fault};
 use host_tools::support::Result;
-use host_tools::support::warning::by_kind;
+use host_tools::support::by_kind;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::convert::{made, positive};
+use crate::convert::{Several, made, plain, positive};
 use crate::error::{raised, refused, warn};
-use crate::hatt::Paths;
 use crate::library::Library;
 use crate::options::of_keywords;
 use crate::work;
@@ -139,4 +140,60 @@ fn account(py: Python<'_>, report: fitted::TrialReport) -> PyResult<Bound<'_, Py
         report.used,
     );
     made(py, "TrialReport", arguments)
+}
+
+/// One path, or several.
+#[derive(FromPyObject)]
+pub enum Paths {
+    /// One.
+    One(PathBuf),
+    /// Several.
+    Several(Several<PathBuf>),
+}
+
+impl Paths {
+    /// All of them.
+    pub fn all(self) -> Vec<PathBuf> {
+        match self {
+            Self::One(path) => vec![path],
+            Self::Several(paths) => paths.0,
+        }
+    }
+}
+
+/// Converts HaTT's model files, or folders of them, as `stylus import-hatt` does.
+///
+/// `progress(done, total)` counts files. Options:
+#[pyfunction]
+#[pyo3(signature = (paths, *, progress = None, **options))]
+pub fn import_hatt<'py>(
+    py: Python<'py>,
+    paths: Paths,
+    progress: Option<&Bound<'py, PyAny>>,
+    options: Option<&Bound<'py, PyDict>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let options: hatt::Options = of_keywords(options, &[])?;
+    let files = files(&paths.all()).map_err(raised)?;
+    let total = files.len() as u64;
+    let (bytes, warnings, reports) = work::run(py, total, progress, move |steps| {
+        let sources = read_all(&files, &options)?;
+        let plan = plan(&sources, &options)?;
+        let mut warnings: Vec<String> = Vec::new();
+        for source in &sources {
+            let own = source.toolkit.warnings.iter();
+            warnings.extend(own.map(|warning| format!("{}: {warning}", source.path.display())));
+        }
+        let (converted, bytes) = import(&sources, &plan, &|| steps.done())?;
+        for (source, converted) in sources.iter().zip(&converted) {
+            let far = far_nodes(&converted.nodes);
+            warnings.extend(far.map(|far| format!("{}: {far}", source.path.display())));
+        }
+        let reports = sources.into_iter().zip(converted).map(ImportReport::of);
+        Ok((bytes, warnings, reports.collect::<Vec<_>>()))
+    })?;
+    for warning in &warnings {
+        warn(py, warning)?;
+    }
+    let library = Library::of(bytes.into(), None, None);
+    made(py, "HattImport", (library, warnings, plain(py, &reports)?))
 }

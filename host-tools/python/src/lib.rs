@@ -10,14 +10,13 @@
 //! | `work` | long work: releases the interpreter's lock, shows progress, stops at Ctrl-C |
 //! | `convert` | arrays, paths and choices |
 //! | `recording` | recordings from arrays and files, and sets of them; simulated ones |
-//! | `fitting`, `evaluating` | fits, their evaluation, and the pages that show both |
+//! | `fitting`, `evaluating` | fits, also of HaTT's models, their evaluation, and the pages that show both |
 //! | `options` | the command's options as keywords |
-//! | `library`, `texture` | libraries, their textures and nodes |
-//! | `motion`, `rendering` | motions, and what the stylus plays along them |
-//! | `scene` | scenes: costed and rendered |
+//! | `library` | libraries, their textures and nodes |
+//! | `motion` | motions |
+//! | `scene` | scenes, costed and rendered; renderings, of textures too |
 //! | `player` | textures and scenes in real time |
 //! | `playing` | arguments that stand for a library; textures rendered, scenes compiled |
-//! | `hatt` | HaTT's models |
 //! | `device` | a stylus on a link |
 //!
 //! There is no unsafe code here. PyO3 and rust-numpy contain all that the bindings need.
@@ -32,16 +31,13 @@ mod device;
 mod error;
 mod evaluating;
 mod fitting;
-mod hatt;
 mod library;
 mod motion;
 mod options;
 mod player;
 mod playing;
 mod recording;
-mod rendering;
 mod scene;
-mod texture;
 mod work;
 
 use pyo3::prelude::*;
@@ -65,14 +61,11 @@ mod native {
     #[pymodule_export]
     use crate::recording::{Recording, Recordings, paper_rig, simulate_rig};
     #[pymodule_export]
-    use crate::rendering::write_words;
-    #[pymodule_export]
-    use crate::scene::Scene;
+    use crate::scene::{Scene, write_words};
 
     use super::error;
     use super::evaluating::{compare, evaluate, page};
-    use super::fitting::{OF_TRIALS, fit, fit_strokes};
-    use super::hatt::import_hatt;
+    use super::fitting::{OF_TRIALS, fit, fit_strokes, import_hatt};
     use super::options::described;
     use host_tools::evaluation::evaluate as evaluation;
     use host_tools::fit::conditioning::Conditioning;

@@ -8,7 +8,7 @@ use host_tools::recording::{
 };
 use host_tools::rig::{RigFile, simulate_to_folder};
 use host_tools::support::bounded_file::Format;
-use host_tools::support::hand::{force_fault, speed_fault};
+use host_tools::support::number::{force_fault, speed_fault};
 use host_tools::support::{Error, Result};
 use model_format::{Provenance, SAMPLE_RATE_HZ};
 use numpy::{PyArray1, PyArray2};

@@ -16,7 +16,7 @@ use stylus_fit::texture::library::unknown_levels;
 use stylus_signals::recording::RecordingSet;
 use stylus_support::Result;
 use stylus_support::atomic_file;
-use stylus_support::file_name::Stems;
+use stylus_support::names::Stems;
 
 use super::html::{Page, Sound};
 use super::plot::{

@@ -18,7 +18,7 @@ use stylus_signals::playing::render::{WavFormat, render_wav};
 use stylus_signals::recording::RecordingSet;
 use stylus_signals::rig::{self, RigFile};
 use stylus_support::atomic_file;
-use stylus_support::file_name::portable;
+use stylus_support::names::portable;
 use stylus_support::output::OutputFolder;
 use stylus_support::{Error, Result};
 

@@ -17,15 +17,15 @@ use stylus_report::evaluation_page::{self, Inputs};
 use stylus_report::sound::node_seconds;
 use stylus_signals::recording::RecordingSet;
 use stylus_signals::recording::freehand::{self, Freehand};
+use stylus_support::Warning;
 use stylus_support::number::counted;
 use stylus_support::output::OutputFolder;
-use stylus_support::warning::Warning;
 use stylus_support::{Error, Result};
 use stylus_support::{atomic_file, progress};
 
 use super::files::Overwrite;
 use super::input::{Recordings, warn_of_unknown_levels};
-use super::lines::{LINE_CHARS, folded_text, wrapped};
+use super::output::{LINE_CHARS, folded_text, wrapped};
 use super::output::{is_full, print, to_json, warn, warn_of};
 use super::table::shown;
 use stylus_fit::texture::library::{decode_library, read_library};

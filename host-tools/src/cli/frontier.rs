@@ -14,7 +14,7 @@ use stylus_support::{atomic_file, progress};
 
 use super::files::Overwrite;
 use super::input::not_negative;
-use super::lines::folded_text;
+use super::output::folded_text;
 use super::table::shown;
 use crate::cli::output::print;
 

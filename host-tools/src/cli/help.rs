@@ -1,8 +1,17 @@
-//! The help: groups of commands on its first screen, and examples at the end of each command's own. Examples are kept
-//! in one file, so that they can be read together. A test parses each of them.
+//! The help, the manual pages and the completions in shells: all that is said of commands apart from running them.
+//!
+//! The help has groups of commands on its first screen, and examples at the end of each command's own. Examples are
+//! kept in one file, so that they can be read together. A test parses each of them.
+
+use std::path::Path;
 
 use clap::Command;
 use clap::builder::StyledStr;
+use clap_complete::Shell;
+use clap_mangen::Man;
+use stylus_support::{Error, Result};
+
+use super::output::print_exactly;
 
 /// One example per line, with a short explanation after `#`.
 const EXAMPLES: &str = include_str!("examples.txt");
@@ -81,15 +90,59 @@ fn with_short_outputs(command: Command) -> Command {
     })
 }
 
+#[derive(clap::Args)]
+pub struct CompletionsArguments {
+    /// Shell that the script is for
+    shell: Shell,
+}
+
+#[derive(clap::Args)]
+pub struct ManArguments {
+    /// Command, such as fit or scene check; the whole program without one
+    command: Vec<String>,
+}
+
+/// Prints the script that completes the words of `command`, the whole one.
+pub fn completions(arguments: &CompletionsArguments, command: &mut Command) -> Result<()> {
+    print_exactly(&script(arguments.shell, command))
+}
+
+fn script(shell: Shell, command: &mut Command) -> Vec<u8> {
+    let mut script = Vec::new();
+    clap_complete::generate(shell, command, "stylus", &mut script);
+    script
+}
+
+/// Prints the page of a command within `command`, the whole one.
+pub fn man(arguments: &ManArguments, command: &mut Command) -> Result<()> {
+    print_exactly(&page(&arguments.command, command)?)
+}
+
+fn page(names: &[String], command: &mut Command) -> Result<Vec<u8>> {
+    command.build();
+    let mut found = &*command;
+    for name in names {
+        found = found.find_subcommand(name).ok_or_else(|| {
+            let path = names.join(" ");
+            Error::Request(format!("there is no command '{path}'; `stylus --help` lists them"))
+        })?;
+    }
+    let mut page = Vec::new();
+    Man::new(found.clone())
+        .render(&mut page)
+        .map_err(Error::io("write to", Path::new("standard output")))?;
+    Ok(page)
+}
+
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeMap;
 
-    use clap::CommandFactory;
     use clap::builder::PossibleValue;
+    use clap::{CommandFactory, ValueEnum};
 
     use super::*;
-    use crate::cli::Arguments;
+    use crate::cli::{self, Arguments};
 
     /// Names of the commands without subcommands, except those that only programs start.
     fn leaves(command: &Command, path: &str) -> Vec<String> {
@@ -210,5 +263,30 @@ mod tests {
             let parsed = with_examples(Arguments::command(), "stylus").try_get_matches_from(words);
             assert!(parsed.is_ok(), "{line}: {}", parsed.unwrap_err());
         }
+    }
+
+    #[test]
+    fn every_shell_completes_the_commands_and_their_options() {
+        for shell in Shell::value_variants() {
+            let script = String::from_utf8(script(*shell, &mut cli::whole())).unwrap();
+            for word in ["simulate-rig", "fit-tap", "leave-one-out", "accelerometer-bandwidth"] {
+                assert!(script.contains(word), "{shell}: {word}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_page_has_its_command_and_what_is_none_is_refused() {
+        for (path, word) in [
+            ("", "stylus"),
+            ("fit", "stylus\\-fit"),
+            ("scene check", "stylus\\-scene\\-check"),
+        ] {
+            let names: Vec<String> = path.split_whitespace().map(str::to_owned).collect();
+            let page = String::from_utf8(page(&names, &mut cli::whole()).unwrap()).unwrap();
+            assert!(page.contains(".SH SYNOPSIS") && page.contains(word), "{path}: {page}");
+        }
+        let refused = page(&["fti".to_owned()], &mut cli::whole()).unwrap_err();
+        test_helpers::holds(&refused, &["'fti'", "--help"]);
     }
 }

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use stylus_fit::fit::hatt::convert::{Converted, ROLL_OFF_DB_PER_OCTAVE, Summary, far_nodes};
 use stylus_fit::fit::hatt::import::{ImportReport, Options, files, import, plan, read_all};
 use stylus_support::Result;
+use stylus_support::Warning;
 use stylus_support::atomic_file;
 use stylus_support::number::counted;
 use stylus_support::progress;
-use stylus_support::warning::Warning;
 
 use super::files::Overwrite;
 use super::table::table;

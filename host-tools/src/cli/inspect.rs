@@ -8,8 +8,8 @@ use stylus_fit::scene::SceneSummary;
 use stylus_fit::texture::library::{decode_library, read_library};
 use stylus_fit::texture::summary::{CodebookSummary, LineSummary, TextureSummary};
 use stylus_support::Result;
-use stylus_support::decimal::{fixed, significant};
 use stylus_support::number::counted;
+use stylus_support::number::{fixed, significant};
 
 use crate::cli::output::{print, print_json};
 use crate::cli::table::{headed, table};

@@ -1,16 +1,13 @@
-//! The `stylus` command: one module per command.
+//! The `stylus` command: a module per command, or for two that share most of their arguments or their work.
 //!
 //! **Invariant: thin.** A command parses its arguments, calls the library and prints. Signal processing, formats and
 //! the link belong to the library, where other programs can use them. The shared modules import no command: `input`
-//! reads, `output`, `table` and `lines` print, `files` writes, `interrupt` ends the process, and `help` composes the
-//! help.
+//! reads, `output` and `table` print, `files` writes, `interrupt` ends the process, and `help` composes the help.
 
 mod compare;
-mod completions;
 mod demo;
 mod device;
 mod evaluate;
-mod export;
 mod files;
 mod fit;
 mod frontier;
@@ -20,7 +17,6 @@ mod input;
 mod inspect;
 mod interrupt;
 mod join;
-mod lines;
 mod output;
 mod page;
 mod render;
@@ -82,7 +78,7 @@ enum Command {
     /// Render the stylus's output to a WAV file, sample for sample
     Render(render::Arguments),
     /// Write a stroke for other devices: MPEG haptics, .haptic, AHAP or WAV
-    Export(export::Arguments),
+    Export(render::ExportArguments),
     /// Show the content of a library
     Inspect(inspect::Arguments),
     /// Join libraries to one
@@ -100,9 +96,9 @@ enum Command {
     /// Run every step on simulated recordings, with a report
     Demo(demo::Arguments),
     /// Print the script that completes this program's words in a shell
-    Completions(completions::CompletionsArguments),
+    Completions(help::CompletionsArguments),
     /// Print the manual page of this program or of a command
-    Man(completions::ManArguments),
+    Man(help::ManArguments),
     #[command(flatten)]
     Device(device::Command),
 }
@@ -164,7 +160,7 @@ fn run_command(command: Command) -> Result<()> {
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Page(arguments) => page::run(&arguments),
         Command::Render(arguments) => render::run(&arguments),
-        Command::Export(arguments) => export::run(&arguments),
+        Command::Export(arguments) => render::export(&arguments),
         Command::Inspect(arguments) => inspect::run(&arguments),
         Command::Join(arguments) => join::run(&arguments),
         Command::Trials(arguments) => trials::run(&arguments),
@@ -173,8 +169,8 @@ fn run_command(command: Command) -> Result<()> {
         Command::Stress(arguments) => stress::run(&arguments),
         Command::Frontier(arguments) => frontier::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
-        Command::Completions(arguments) => completions::completions(&arguments, &mut whole()),
-        Command::Man(arguments) => completions::man(&arguments, &mut whole()),
+        Command::Completions(arguments) => help::completions(&arguments, &mut whole()),
+        Command::Man(arguments) => help::man(&arguments, &mut whole()),
         Command::Device(command) => device::run(&command),
     }
 }

@@ -1,4 +1,5 @@
-//! Text and JSON on standard output, and notes about them on standard error.
+//! Text and JSON on standard output, notes about them on standard error, and wrapping of texts to the lines of a
+//! terminal.
 //!
 //! Two rules hold for all output of a command, so nearly all of it goes through this module. Control characters that
 //! came into a text from a file, a device or an argument are shown, so the terminal does not obey them. A closed or
@@ -11,12 +12,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::builder::styling::{AnsiColor, Style};
 use console::Term;
-use stylus_support::progress;
 use stylus_support::visible::{message, visible, visible_json};
-use stylus_support::warning::{Warning, by_kind};
-use stylus_support::{Error, Result};
-
-use super::lines::{LINE_CHARS, wrapped};
+use stylus_support::{Error, Result, progress};
+use stylus_support::{Warning, by_kind};
 
 /// True if the user has requested complete output (`--full`).
 static IS_FULL: AtomicBool = AtomicBool::new(false);
@@ -157,10 +155,42 @@ fn styled(word: &str, colour: AnsiColor) -> String {
     format!("{style}{word}{style:#}")
 }
 
+/// Width at which texts and tables are wrapped, characters.
+pub const LINE_CHARS: usize = 80;
+
+/// Breaks `text` at spaces into lines of at most [`LINE_CHARS`] characters. A longer word has a longer line.
+pub fn folded_text(text: &str) -> String {
+    wrapped(text, LINE_CHARS, "")
+}
+
+/// Breaks `text` at spaces into lines of at most `width` characters. Lines after a break begin with `indent`. A word
+/// longer than `width` has a longer line.
+pub fn wrapped(text: &str, width: usize, indent: &str) -> String {
+    let mut lines: Vec<String> = Vec::new();
+    for paragraph in text.lines() {
+        let mut line = String::new();
+        // Split at every single space, so that runs of spaces stay. The first word never begins a new line: the line
+        // before would be empty.
+        for (index, word) in paragraph.split(' ').enumerate() {
+            if index > 0 && line.chars().count() + 1 + word.chars().count() > width {
+                lines.push(std::mem::replace(&mut line, format!("{indent}{word}")));
+                continue;
+            }
+            if index > 0 {
+                line.push(' ');
+            }
+            line.push_str(word);
+        }
+        lines.push(line);
+    }
+    lines.join("\n")
+}
+
 #[cfg(test)]
 mod tests {
-    use super::*;
     use test_helpers::holds;
+
+    use super::*;
 
     /// An output that accepts only this number of bytes.
     struct Full(usize);
@@ -195,5 +225,13 @@ mod tests {
         assert!(text.is_ascii() && text.contains("\\u009b"), "{text}");
         let read: Vec<String> = serde_json::from_str(&text).unwrap();
         assert_eq!(read, ["a\u{9b}31m\u{202e}b\u{7f}"]);
+    }
+
+    #[test]
+    fn folded_text_keeps_its_words() {
+        let text = "a few words ".repeat(40);
+        let folded = folded_text(&text);
+        assert!(folded.lines().all(|line| line.chars().count() <= LINE_CHARS));
+        assert!(folded.split_whitespace().eq(text.split_whitespace()));
     }
 }

@@ -5,7 +5,7 @@ use stylus_support::number::counted;
 use stylus_support::progress;
 use stylus_support::{Error, Result};
 
-use super::lines::folded_text;
+use super::output::folded_text;
 use super::table::{headed, table};
 use crate::cli::output::{print, print_json};
 
@@ -117,7 +117,7 @@ fn rest(rest: Rest) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::lines::LINE_CHARS;
+    use crate::cli::output::LINE_CHARS;
 
     #[test]
     fn every_line_fits_a_terminal_and_nothing_that_is_broken_is_missing() {

@@ -5,8 +5,8 @@
 use stylus_evaluation::table::Table;
 use stylus_support::visible::visible_line;
 
-use super::lines::{LINE_CHARS, folded_text, wrapped};
 use super::output::is_full;
+use super::output::{LINE_CHARS, folded_text, wrapped};
 
 /// Characters between two columns.
 const GAP: usize = 2;

@@ -6,7 +6,7 @@ use std::io::{self, Read};
 use std::path::Path;
 
 use super::files::{self, Opened};
-use super::nearest::nearly;
+use super::names::nearly;
 use crate::{Error, Result};
 
 /// Largest number of names in a folder that are compared with the name of a missing file.

@@ -12,7 +12,7 @@ use std::{fs, io};
 
 use super::atomic_file::{REMEDY, appeared, expect_new, target};
 use super::bounded_file::Format;
-use super::file_name::portable;
+use super::names::portable;
 use super::temporaries::{self, Earlier, Temporary, folder_of, left_aside};
 use crate::{Error, Result};
 

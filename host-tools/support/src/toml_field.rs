@@ -6,7 +6,7 @@ use model_format::limits::MAX_NAME_BYTES;
 use serde::de::DeserializeOwned;
 use toml::de::DeTable;
 
-use crate::file_name;
+use crate::names;
 use crate::{Error, Result};
 
 /// Parses TOML `text`; errors name `path`.
@@ -152,7 +152,7 @@ impl Field {
         self.require(name.len() <= MAX_NAME_BYTES, || {
             format!("must be at most {MAX_NAME_BYTES} bytes long, but is {}", name.len())
         })?;
-        if let Some(fault) = file_name::fault(name) {
+        if let Some(fault) = names::fault(name) {
             return Err(self.fault(format!("is {name:?}; {fault}")));
         }
         self.require(name.starts_with(char::is_alphanumeric), || {

@@ -2,12 +2,10 @@
 //!
 //! | module | subject |
 //! |---|---|
-//! | [`runtime_folder`] | the user's folder for announcements |
-//! | [`announcement`] | announcements of virtual styluses in that folder |
+//! | [`announcement`] | announcements of virtual styluses, in the user's folder for them |
 //! | [`usb_messages`] | messages between a program and the USB host of a virtual stylus |
 //!
 //! This is a package of its own, because the virtual stylus is built without the host's tools.
 
 pub mod announcement;
-pub mod runtime_folder;
 pub mod usb_messages;

@@ -31,7 +31,7 @@ use stylus_kernel::scene::{Plan, Wave};
 
 use crate::actuator::{Actuator, Performance, planned};
 use crate::board::Board;
-use crate::hand::Hand;
+use crate::board::Hand;
 
 /// Clock of the processor, Hz.
 const CORE_HZ: u32 = 400_000_000;

@@ -15,19 +15,16 @@
 
 pub mod actuator;
 mod board;
-mod clock;
 mod connection;
 pub mod device;
 pub mod flash;
-mod hand;
 pub mod hardware;
 pub mod library;
 pub mod requests;
 mod served;
 
-pub use board::Board;
+pub use board::{Board, Hand};
 pub use connection::Faults;
 pub use device::BoardOf;
-pub use hand::Hand;
 pub use hardware::BOARD;
 pub use served::{FakeStylus, HeardFrame, StartedImage};

@@ -18,11 +18,11 @@ use stylus_boot::record::{EXCHANGED, Record, Store, mark};
 
 use crate::actuator::Actuator;
 use crate::board::Board;
-use crate::clock::Clock;
+use crate::board::Hand;
+use crate::connection::Clock;
 use crate::connection::{Connection, Faults};
 use crate::device::{Flash, SharedControl, SteppedStylus};
 use crate::flash::{Damage, Memory, SimulatedFlash};
-use crate::hand::Hand;
 use crate::hardware::BOARD;
 use crate::requests::{Requests, frame, path_of};
 

@@ -13,7 +13,7 @@ use stylus_link::procedures::self_test::Line;
 use stylus_signals::playing::motion::MotionPath;
 
 use crate::board::Board;
-use crate::error::{Error, Result};
+use crate::report::{Error, Result};
 use crate::report::{Report, Test};
 
 /// Time between two readings of the status, by this computer's clock.

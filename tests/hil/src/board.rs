@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::time::Duration;
 
-use crate::error::{Error, Result};
+use crate::report::{Error, Result};
 
 /// A variant of the firmware.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

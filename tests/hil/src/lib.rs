@@ -8,7 +8,7 @@
 //! |---|---|
 //! | [`board`] | reset and flashing: a probe, the virtual stylus, or neither |
 //! | [`bench`](mod@bench) | the device under test, its clock, and motions while something plays |
-//! | [`checks`] | the tests, a module per subject |
+//! | [`checks`] | the tests by subject: what plays nothing, what plays, what is about time, and faults |
 //! | [`library`] | what is uploaded and played |
 //! | [`report`] | a line per test, and the summary |
 //! | [`suite`] | order of the tests; settings and library saved before and restored after |
@@ -18,9 +18,16 @@
 
 pub mod bench;
 pub mod board;
-pub mod checks;
-pub mod error;
-pub mod injection;
+
+/// The tests by subject. Each takes the bench and adds its lines to the report. A failure of the link or
+/// of the device ends the subject, not the run.
+pub mod checks {
+    pub mod faults;
+    pub mod playing;
+    pub mod silent;
+    pub mod timing;
+}
+
 pub mod library;
 pub mod report;
 pub mod suite;

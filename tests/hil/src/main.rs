@@ -10,7 +10,7 @@ use std::time::Duration;
 use clap::Parser;
 use hil::bench::{DeviceUnderTest, Lengths};
 use hil::board::{Board, Images, Probe, VirtualBoard};
-use hil::error::{Error, Result};
+use hil::report::{Error, Result};
 use hil::report::{Report, Test};
 use hil::suite::{overwrites, run};
 use serde::Serialize;

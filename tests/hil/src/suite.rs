@@ -9,9 +9,9 @@ use model_format::link::{Setting, SettingChange, SettingSet, Settings, SlotState
 use stylus_link::link::upload::upload;
 
 use crate::bench::DeviceUnderTest;
-use crate::checks::{self, cycles, endurance, faults, playing, self_test};
-use crate::error::{Error, Result};
+use crate::checks::{faults, playing, silent, timing};
 use crate::library::{Played, played};
+use crate::report::{Error, Result};
 
 /// Runs all tests, and uploads `library` at the end. The results are in the bench's report.
 ///
@@ -47,7 +47,7 @@ pub fn run(bench: &mut DeviceUnderTest, library: Option<PathBuf>) -> Result<()> 
 
 /// Runs the subjects that play nothing.
 fn silent_subjects(bench: &mut DeviceUnderTest, played: &Played) -> Result<()> {
-    silent(bench, played)?;
+    silent_ones(bench, played)?;
     bench.begin("play");
     bench.leave_out(
         "all that plays",
@@ -59,19 +59,19 @@ fn silent_subjects(bench: &mut DeviceUnderTest, played: &Played) -> Result<()> {
 
 /// Runs the silent subjects one after the other. A failure becomes a line of the report; only an interrupt ends the
 /// run.
-fn silent(bench: &mut DeviceUnderTest, played: &Played) -> Result<()> {
-    subject(bench, "self test", self_test::check)?;
-    subject(bench, "upload", |bench| checks::upload::check(bench, &played.bytes))
+fn silent_ones(bench: &mut DeviceUnderTest, played: &Played) -> Result<()> {
+    subject(bench, "self test", silent::check_self_test)?;
+    subject(bench, "upload", |bench| silent::check_upload(bench, &played.bytes))
 }
 
 /// Runs all subjects.
 fn subjects(bench: &mut DeviceUnderTest, played: &Played) -> Result<()> {
     let Played { bytes, selections } = played;
     let (_, scene) = selections.last().expect("there are scenes");
-    silent(bench, played)?;
+    silent_ones(bench, played)?;
     subject(bench, "play", |bench| playing::check(bench, scene))?;
-    subject(bench, "endurance", |bench| endurance::check(bench, bytes))?;
-    subject(bench, "cycles", |bench| cycles::check(bench, selections))?;
+    subject(bench, "endurance", |bench| timing::check_endurance(bench, bytes))?;
+    subject(bench, "cycles", |bench| timing::check_cycles(bench, selections))?;
     subject(bench, "faults", faults::check)
 }
 

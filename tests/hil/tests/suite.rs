@@ -7,7 +7,7 @@ use std::time::Duration;
 use fake_stylus::{FakeStylus, Faults, Hand};
 use hil::bench::{DeviceUnderTest, Lengths};
 use hil::board::Board;
-use hil::checks::{cycles, endurance, faults, playing, self_test, upload};
+use hil::checks::{faults, playing, silent, timing};
 use hil::library::{Played, played};
 use hil::suite::{Kept, run};
 use model_format::link::{Activity, Setting, SettingChange};
@@ -59,7 +59,7 @@ fn bench_with_library(stylus: &FakeStylus) -> (DeviceUnderTest, Played) {
         .make_playable(&bench)
         .expect("the device takes them");
     let played = played();
-    upload::check(&mut bench, &played.bytes).expect("the device takes it");
+    silent::check_upload(&mut bench, &played.bytes).expect("the device takes it");
     assert_eq!(failed(&bench), [""; 0]);
     (bench, played)
 }
@@ -140,7 +140,7 @@ fn without_a_probe_resets_and_faults_are_left_out_with_the_reason() {
 /// Asserts that, on a device with the suite's library and then `faults`, `check` fails only in the test `name`.
 fn finds(
     faults: impl FnOnce(&mut Faults),
-    check: impl FnOnce(&mut DeviceUnderTest, &Played) -> hil::error::Result<()>,
+    check: impl FnOnce(&mut DeviceUnderTest, &Played) -> hil::report::Result<()>,
     name: &str,
 ) {
     let stylus = FakeStylus::start();
@@ -163,11 +163,11 @@ fn an_output_that_goes_on_after_a_lost_link_is_found() {
 
 #[test]
 fn ticks_that_are_missed_late_or_too_long_are_found() {
-    let endures = |bench: &mut DeviceUnderTest, played: &Played| endurance::check(bench, &played.bytes);
+    let endures = |bench: &mut DeviceUnderTest, played: &Played| timing::check_endurance(bench, &played.bytes);
     finds(|f| f.misses_ticks = true, endures, "meanwhile: ticks missed");
     finds(|f| f.puts_out_late = true, endures, "meanwhile: outputs late");
     // The first range of durations includes all earlier ticks, and is not reported.
-    let idle = |bench: &mut DeviceUnderTest, _: &Played| cycles::check(bench, &[]);
+    let idle = |bench: &mut DeviceUnderTest, _: &Played| timing::check_cycles(bench, &[]);
     finds(|f| f.slower_by = 80_000, idle, "idle");
 }
 
@@ -181,7 +181,7 @@ fn a_pin_that_is_not_at_mid_scale_is_found_although_the_device_says_that_it_rest
     });
     let status = bench.device.status().expect("it answers");
     assert!(status.output.at_rest);
-    self_test::at_mid_scale(&mut bench, "the pin").expect("the device answers");
+    silent::at_mid_scale(&mut bench, "the pin").expect("the device answers");
     assert_eq!(failed(&bench), ["the pin: output at rest"]);
 }
 

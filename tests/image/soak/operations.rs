@@ -2,7 +2,7 @@
 
 use fake_stylus::device::{MOTION, change};
 use hil::checks::faults::ENDING;
-use hil::injection::Injected;
+use hil::checks::faults::Injected;
 use model_format::link::{
     ActivateEndpoint, Activity, FaultKind, InfoEndpoint, MotionSample, MotionSource, MotionTopic, ResetReason, Setting,
     SettingChange, Settings, SettingsChange, SettingsError, SlotId, UpdateBegin, UpdateBeginEndpoint, UpdateError,

@@ -3,7 +3,7 @@
 use kernel_vectors::digest_library;
 use stylus_browser::BlockMotion;
 
-use crate::wasm::Wasm;
+use crate::Wasm;
 
 fn refused(wasm: &mut Wasm, status: u32, expected: u32, words: &[&str]) {
     let text = wasm.text();

@@ -7,7 +7,7 @@ use model_format::{Library, OutputSample, SAMPLE_RATE_HZ, encode, encode_with_sc
 use proptest::prelude::*;
 use stylus_browser::{BlockMotion, Selection, Session, Without};
 
-use crate::wasm::Wasm;
+use crate::Wasm;
 
 /// The textures that every processor must play to the same bits, and a scene with all effects.
 static LIBRARY: LazyLock<Vec<u8>> = LazyLock::new(|| {

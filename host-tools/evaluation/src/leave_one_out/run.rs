@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use stylus_dsp::model::Model;
 use stylus_fit::fit::Order;
 use stylus_support::Result;
-use stylus_support::file_name::portable;
+use stylus_support::names::portable;
 
 use super::Options;
 use super::play::{self, Judged};

@@ -7,7 +7,7 @@ use rand_pcg::Pcg64;
 use serde::Serialize;
 use stylus_fit::fit::record::FitRecord;
 use stylus_signals::recording::RecordingSet;
-use stylus_support::nearest::listed;
+use stylus_support::names::listed;
 use stylus_support::{Error, Result};
 
 use super::abx::{Trial, trials};

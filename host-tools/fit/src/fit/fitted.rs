@@ -3,9 +3,9 @@
 use model_format::{NodeSpec, Provenance, TextureSpec, limits};
 use stylus_signals::recording::RecordingSet;
 use stylus_signals::recording::triage::Kind;
+use stylus_support::Warning;
 use stylus_support::in_order::in_order;
 use stylus_support::number::counted;
-use stylus_support::warning::Warning;
 use stylus_support::{Error, Result};
 
 use super::blocks::Part;

@@ -11,8 +11,8 @@ use stylus_signals::recording::pattern::one_number;
 use stylus_signals::recording::{
     GRAVITY_M_S2, GRAVITY_TOLERANCE, RecordingSet, Trial, Unscaled, grid_by_gaps, list_command,
 };
+use stylus_support::Warning;
 use stylus_support::number::counted;
-use stylus_support::warning::Warning;
 
 use super::floor::by_speed;
 use super::grid::{AssembledGrid, LoudTrial, Member, Miss};

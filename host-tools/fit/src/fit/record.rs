@@ -15,9 +15,9 @@ use serde_json::ser::{Formatter, Serializer};
 use stylus_signals::recording::{RecordingSet, TimeUnit, Trial};
 use stylus_support::atomic_file;
 use stylus_support::bounded_file::Format;
-use stylus_support::file_name::portable;
 use stylus_support::fnv::Fnv;
 use stylus_support::in_order::in_order;
+use stylus_support::names::portable;
 use stylus_support::{Error, Result};
 
 use super::excitation::ExcitationReport;

@@ -3,7 +3,7 @@
 use serde::Serialize;
 use stylus_signals::recording::Unscaled;
 use stylus_signals::recording::triage::{self, Compared, Verdict, in_words};
-use stylus_support::file_name::portable;
+use stylus_support::names::portable;
 use stylus_support::{Error, Result};
 
 use super::options::Options;

@@ -7,8 +7,8 @@ use model_format::scene::{
 use model_format::{Library, Provenance};
 use stylus_dsp::equaliser::Section;
 use stylus_kernel::scene::Plan;
-use stylus_support::hand::{force_fault, speed_fault};
-use stylus_support::nearest::listed;
+use stylus_support::names::listed;
+use stylus_support::number::{force_fault, speed_fault};
 use stylus_support::toml_field::{Field, line_of};
 use stylus_support::{Error, Result};
 

@@ -6,7 +6,7 @@ use std::path::Path;
 use model_format::limits::MAX_TEXTURES;
 use model_format::scene::Scene;
 use model_format::{Library, NodeSpec, PartsSpec, Texture, TextureSpec, encode_with_scenes};
-use stylus_support::nearest::{listed, nearly};
+use stylus_support::names::{listed, nearly};
 use stylus_support::{Error, Result};
 
 use super::compile::CompiledScene;

@@ -6,7 +6,7 @@ use model_format::link::{
 };
 use serde::Serialize;
 use stylus_app::safety::Config;
-use stylus_support::nearest::listed;
+use stylus_support::names::listed;
 use stylus_support::{Error, Result};
 
 /// Origin of a setting's value.

@@ -1,14 +1,17 @@
-//! Frames over a stream of bytes: each is COBS-encoded and ends with a zero byte.
+//! Frames on a wire, and the state of a link apart from its frames.
+//!
+//! Over a stream of bytes each frame is COBS-encoded and ends with a zero byte. Over USB it is a bulk transfer: it ends
+//! with a short packet, or with an empty packet if its length is a multiple of the packet length (USB 2.0 section
+//! 5.8.3).
 
 use std::collections::VecDeque;
 use std::io;
-use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, OnceLock};
 
 use model_format::link::MAX_DEVICE_FRAME_BYTES;
 use postcard_rpc::host_client::{WireRx, WireSpawn, WireTx};
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
-
-use super::health::Health;
 
 /// Runs the client's two tasks on the current runtime.
 pub(super) struct Spawn;
@@ -138,10 +141,159 @@ impl FrameDecoder {
     }
 }
 
+/// State of a link that its client does not report.
+#[derive(Debug, Default)]
+pub(super) struct Health {
+    broken_frames: AtomicU64,
+    ended: OnceLock<String>,
+}
+
+impl Health {
+    /// Number of frames that arrived and could not be decoded.
+    pub(super) fn broken_frames(&self) -> u64 {
+        self.broken_frames.load(Ordering::Relaxed)
+    }
+
+    /// Counts a frame that could not be decoded.
+    pub(super) fn count_broken(&self) {
+        self.broken_frames.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Reason for the end of the link.
+    pub(super) fn why_ended(&self) -> &str {
+        self.ended.get().map_or("it was closed", String::as_str)
+    }
+
+    /// Records the reason for the end of the link; a later reason does not replace the first.
+    pub(super) fn end(&self, reason: &impl ToString) {
+        self.ended.get_or_init(|| reason.to_string());
+    }
+}
+
+/// Number of queued transfers from the device, so that no frame of the device waits for the host.
+const WAITING_TRANSFERS: usize = 8;
+
+/// A bulk endpoint from the host to a device.
+pub(super) trait BulkOut: Send + 'static {
+    /// Longest packet, bytes.
+    fn packet_bytes(&self) -> usize;
+
+    /// Appends a transfer to the queue.
+    fn submit(&mut self, data: Vec<u8>);
+
+    /// Number of transfers in the queue.
+    fn pending(&self) -> usize;
+
+    /// Waits until the first transfer in the queue has ended.
+    fn next(&mut self) -> impl Future<Output = io::Result<()>> + Send;
+
+    /// Clears the halt at both ends and resets their data toggles to DATA0. The queue must be empty.
+    fn clear_halt(&mut self) -> impl Future<Output = io::Result<()>> + Send;
+}
+
+/// A bulk endpoint from a device to the host.
+pub(super) trait BulkIn: Send + 'static {
+    /// Longest packet, bytes.
+    fn packet_bytes(&self) -> usize;
+
+    /// Appends a transfer of at most `bytes` bytes to the queue.
+    fn submit(&mut self, bytes: usize);
+
+    /// Waits until the first transfer in the queue has ended, and returns its bytes.
+    fn next(&mut self) -> impl Future<Output = io::Result<Vec<u8>>> + Send;
+
+    /// Clears the halt at both ends and resets their data toggles to DATA0. The queue must be empty.
+    fn clear_halt(&mut self) -> impl Future<Output = io::Result<()>> + Send;
+}
+
+/// Opens both directions of a link over `output` and `input`, and discards what an earlier program left unfinished.
+pub(super) async fn open_bulk<O: BulkOut, I: BulkIn>(
+    mut output: O,
+    mut input: I,
+    health: &Arc<Health>,
+) -> io::Result<(UsbTx<O>, UsbRx<I>)> {
+    // Clearing a halt makes the device drop unfinished frames of both directions, even if nothing was halted.
+    output.clear_halt().await?;
+    input.clear_halt().await?;
+    Ok((
+        UsbTx {
+            endpoint: output,
+            health: health.clone(),
+        },
+        UsbRx::new(input, health.clone()),
+    ))
+}
+
+/// The sending end.
+pub(super) struct UsbTx<O> {
+    endpoint: O,
+    health: Arc<Health>,
+}
+
+impl<O: BulkOut> WireTx for UsbTx<O> {
+    type Error = io::Error;
+
+    async fn send(&mut self, frame: Vec<u8>) -> io::Result<()> {
+        let is_full = frame.len().is_multiple_of(self.endpoint.packet_bytes());
+        self.endpoint.submit(frame);
+        if is_full {
+            self.endpoint.submit(Vec::new());
+        }
+        // A frame counts as sent when its transfers have ended, so that a queue in the operating system cannot grow.
+        while self.endpoint.pending() > 0 {
+            self.endpoint
+                .next()
+                .await
+                .inspect_err(|failure| self.health.end(failure))?;
+        }
+        Ok(())
+    }
+}
+
+/// The receiving end.
+pub(super) struct UsbRx<I> {
+    endpoint: I,
+    /// Length of a transfer, bytes: the longest frame, rounded up to whole packets.
+    bytes: usize,
+    health: Arc<Health>,
+}
+
+impl<I: BulkIn> UsbRx<I> {
+    fn new(mut endpoint: I, health: Arc<Health>) -> Self {
+        let bytes = MAX_DEVICE_FRAME_BYTES.next_multiple_of(endpoint.packet_bytes());
+        for _ in 0..WAITING_TRANSFERS {
+            endpoint.submit(bytes);
+        }
+        Self {
+            endpoint,
+            bytes,
+            health,
+        }
+    }
+}
+
+impl<I: BulkIn> WireRx for UsbRx<I> {
+    type Error = io::Error;
+
+    async fn receive(&mut self) -> io::Result<Vec<u8>> {
+        loop {
+            let ended = self.endpoint.next().await;
+            let frame = ended.inspect_err(|failure| self.health.end(failure))?;
+            // The transfer that has ended is replaced at once, so that always the same number waits for the device.
+            self.endpoint.submit(self.bytes);
+            // A frame that fills its whole transfer leaves its closing empty packet to the next one.
+            if !frame.is_empty() {
+                return Ok(frame);
+            }
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     fn decode(bytes: &[u8]) -> (Vec<Vec<u8>>, usize) {
         let mut decoder = FrameDecoder::default();

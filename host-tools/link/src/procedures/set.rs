@@ -15,9 +15,9 @@ use stylus_signals::recording::{MOST_TRIALS, RecordingSet, TRIALS_FILE, Trial};
 use stylus_support::bounded_file::Format;
 use stylus_support::csv_table::{CsvTable, is_content, written};
 use stylus_support::float_wav::float_wav;
-use stylus_support::hand::{force_fault, speed_fault};
+use stylus_support::number::{force_fault, speed_fault};
 use stylus_support::{Error, Result};
-use stylus_support::{atomic_file, file_name};
+use stylus_support::{atomic_file, names};
 
 use crate::link::capture::{Calibration, Capture};
 
@@ -107,7 +107,7 @@ impl PlannedTrial {
         } else if name.starts_with('.') {
             Some("must not start with a dot")
         } else {
-            file_name::fault(name)
+            names::fault(name)
         };
         fault.map_or(Ok(()), |fault| {
             let problem = format!("{name:?} cannot name a texture: it {fault}; use at most {MAX_NAME_BYTES} bytes");
@@ -197,7 +197,7 @@ impl Folder {
             .chain(planned.iter().map(|trial| trial.texture.as_str()));
         let mut names: HashMap<String, &str> = HashMap::new();
         for name in all {
-            let earlier = *names.entry(file_name::folded(name)).or_insert(name);
+            let earlier = *names.entry(names::folded(name)).or_insert(name);
             if earlier != name {
                 return Err(Error::Request(format!(
                     "textures {earlier:?} and {name:?} differ in the case of letters only: rename one of them"

@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 use stylus_player::{BlockMotion, Filler, player};
 
-use crate::common::{LIBRARIES, choose, playing, playing_as_rendered, rubbed};
+use crate::{LIBRARIES, choose, playing, playing_as_rendered, rubbed};
 
 /// Seconds of samples. `tell` is called before each block of 2 ms with its number.
 fn filled(filler: &mut Filler, seconds: usize, mut tell: impl FnMut(usize)) -> Vec<f32> {

@@ -5,7 +5,7 @@ use host_tools::playing::render::{Rendering, SampleClock};
 use proptest::prelude::*;
 use stylus_player::{BlockMotion, Selection, Without, plan_of, player_as_rendered};
 
-use crate::common::LIBRARIES;
+use crate::LIBRARIES;
 
 /// Motions of a hand, slow and fast, light and heavy, that stay for a while; in single precision, like those of a file.
 fn motions() -> impl Strategy<Value = Vec<BlockMotion>> {

@@ -5,7 +5,7 @@ use model_format::TextureSpec;
 use proptest::prelude::*;
 use stylus_player::{BlockMotion, Filler, HELD_S, Mover, latency_s};
 
-use crate::common::{LIBRARIES, library, playing, playing_as_rendered, rubbed};
+use crate::{LIBRARIES, library, playing, playing_as_rendered, rubbed};
 
 const RATES_HZ: [u32; 8] = [1000, 5000, 8000, 10_000, 11_025, 44_100, 48_000, 192_000];
 

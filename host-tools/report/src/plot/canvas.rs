@@ -12,7 +12,7 @@ use plotters::coord::types::RangedCoordf64;
 use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-use stylus_support::decimal::fixed;
+use stylus_support::number::fixed;
 use stylus_support::visible::{escaped, visible};
 use stylus_support::{Error, Result};
 

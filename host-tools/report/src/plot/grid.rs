@@ -3,7 +3,7 @@
 use model_format::NodeFlags;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-use stylus_support::decimal::fixed;
+use stylus_support::number::fixed;
 use stylus_support::{Error, Result};
 
 use super::canvas::{

@@ -8,7 +8,7 @@ use base64::engine::general_purpose::STANDARD;
 use plotters::prelude::*;
 use stylus_dsp::liveliness::kurtosis;
 use stylus_dsp::spectrum::dft_amplitude;
-use stylus_support::decimal::fixed;
+use stylus_support::number::fixed;
 use stylus_support::{Error, Result};
 
 use super::canvas::{Area, Axis, BAR, Drawn, INK, TEXT, at, axes, centred, colour_bar, picture};

@@ -15,7 +15,7 @@ use stylus_kernel::scene::Plan;
 use stylus_signals::playing::wavefront::Wavefront;
 use stylus_signals::recording::Trial;
 use stylus_support::Result;
-use stylus_support::decimal::significant;
+use stylus_support::number::significant;
 
 use super::clips::{Clip, Thinning};
 use super::spectra::{STEPS_PER_DB, Spectrum, band_centres_hz, model_spectrum, recorded_spectrum};

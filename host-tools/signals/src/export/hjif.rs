@@ -7,9 +7,8 @@ use base64::engine::general_purpose::STANDARD_NO_PAD;
 use serde_json::{Value, json};
 use stylus_support::{date, progress};
 
-use super::arithmetic_coder::Coder;
-use super::set_partitioning::{HEAD, code};
-use super::{largest, wavelet};
+use super::largest;
+use super::wavelet_stream::{Coder, HEAD, code, transform};
 
 /// Rate of the band, Hz. The duration of a block in samples and in milliseconds must both be powers of two, which 5 and
 /// 10 kHz do not allow.
@@ -55,7 +54,7 @@ pub fn file(samples: &[f64], description: &str) -> Value {
 
 /// Returns the stream of a block within ±1, empty for silence.
 fn stream(mut block: [f64; BLOCK]) -> Vec<u8> {
-    wavelet::transform(&mut block);
+    transform(&mut block);
     let (scale_code, scale) = scale_of(largest(block.iter().copied()));
     let steps = f64::from(1 << HIGHEST_BIT) / scale;
     let coefficients = block.map(|coefficient| (coefficient * steps).round() as i32);
@@ -95,7 +94,7 @@ mod tests {
         let mut most = [0.0; BLOCK];
         for place in 0..BLOCK {
             let mut impulse = std::array::from_fn::<_, BLOCK, _>(|n| f64::from(u8::from(n == place)));
-            wavelet::transform(&mut impulse);
+            transform(&mut impulse);
             most = std::array::from_fn(|n| most[n] + impulse[n].abs());
         }
         let (code, scale) = scale_of(largest(most.into_iter()));

@@ -3,13 +3,11 @@
 //! Invariant: a file contains what [`playing`](crate::playing) renders, as far as its format allows. What a format
 //! cannot represent is known before anything is written.
 
-mod arithmetic_coder;
 mod envelope;
 mod hjif;
-mod set_partitioning;
 #[cfg(test)]
 mod tests;
-mod wavelet;
+mod wavelet_stream;
 
 use std::path::Path;
 

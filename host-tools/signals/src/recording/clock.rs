@@ -17,9 +17,9 @@ use super::defects::{Gap, Timing};
 use super::joined::own_rows;
 use super::order::Order;
 use super::rate::{SampleRate, counts_before};
-use super::source::{Cut, Source};
 use super::step::{Clock, DIGITS, FEW_LOST, MOST_OF_BUNCH, Missing, bunch, resolution, slope};
-use super::time_unit::TimeUnit;
+use super::times::TimeUnit;
+use super::trial::{Cut, Source};
 use super::uneven::{Steps, mean_step};
 use super::unit::Stated;
 

@@ -9,10 +9,9 @@ use super::axes::{self, LeftOut};
 use super::clock::{self, TimeFacts};
 use super::kind::remedy;
 use super::rate::{MAX_CHANNELS, SampleRate, length_fault, most_frames};
-use super::source::{Cut, Source};
-use super::time_text;
-use super::time_unit::{TimeColumn, TimeUnit};
+use super::times::{self, TimeColumn, TimeUnit};
 use super::trial::Trial;
+use super::trial::{Cut, Source};
 use super::unit::{self, Unscaled};
 
 /// Column of the time of each sample, s.
@@ -174,7 +173,7 @@ impl<'a> Columns<'a> {
                     // A time that is not a number may be a time of day or a duration, which is converted to seconds.
                     (Err(fault), Some(time)) => {
                         time.unit = Some(TimeUnit::S);
-                        time_text::seconds(row.text(index)).ok_or(fault)?
+                        times::seconds(row.text(index)).ok_or(fault)?
                     }
                     (Err(_), None) if read.left_out.contains(index) || is_no_value(row.text(index)) => f64::NAN,
                     (number, _) => number?,

@@ -10,13 +10,13 @@ use stylus_support::number::counted;
 use stylus_support::{Error, Result};
 
 use super::defects::Defects;
-use super::held::HeldSamples;
 use super::kind::{Kind, conversion, ending};
 use super::lvm::{self, LabView};
 use super::polled::polled;
 use super::rate::{NEAR_WHOLE, counts_before, length_fault};
-use super::source::{Account, Cut, Samples, Source};
+use super::trial::HeldSamples;
 use super::trial::Trial;
+use super::trial::{Account, Cut, Samples, Source};
 use super::{csv_file, numbers, resample, uneven, wav};
 
 /// Reads the samples of `trial`: one to three axes at [`SAMPLE_RATE_HZ`], in m/s².

@@ -344,7 +344,7 @@ mod tests {
     use super::*;
     use crate::recording::Trial;
     use crate::recording::csv_file::read_table;
-    use crate::recording::source::{Cut, Source};
+    use crate::recording::trial::{Cut, Source};
     use test_helpers::{holds, new_file};
 
     const HEAD: &str = "LabVIEW Measurement\t\nWriter_Version\t2\nSeparator\tTab\nDecimal_Separator\t.\n\

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use regex_lite::{Regex, escape};
-use stylus_support::file_name::portable;
 use stylus_support::files;
+use stylus_support::names::portable;
 use stylus_support::{Error, Result};
 
 use super::kind::{Kind, remedy};

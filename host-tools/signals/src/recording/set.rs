@@ -8,13 +8,13 @@ use model_format::Provenance;
 use stylus_support::bounded_file::{Format, absent};
 use stylus_support::csv_table::{CsvTable, Header, Row, is_named};
 use stylus_support::files;
-use stylus_support::hand::{force_fault, speed_fault};
+use stylus_support::number::{force_fault, speed_fault};
 use stylus_support::number::{not_negative, positive, recorded_force, recorded_speed};
 use stylus_support::{Error, Result};
 
 use super::kind::Kind;
 use super::rate::{MAX_CHANNELS, SampleRate};
-use super::time_unit::TimeUnit;
+use super::times::TimeUnit;
 use super::trial::{NOMINAL_FORCE_N, NOMINAL_SPEED_MM_S, Trial};
 use super::unit::scale;
 

@@ -9,7 +9,7 @@ use stylus_support::{Error, Result};
 use super::defects::{Timing, Truncation};
 use super::rate::{SampleRate, counts_before, length_fault};
 use super::riff::{self, Wave, skip};
-use super::source::{Cut, Source};
+use super::trial::{Cut, Source};
 use super::unit::{Stated, Unscaled};
 
 /// Remark on a file whose header has a length that does not fit it.

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use stylus_dsp::fourier::Complex;
 
-use super::description::Mode;
+use super::Mode;
 
 /// A tip pressed on a surface by a static force.
 #[derive(Debug, Clone, Copy, PartialEq)]

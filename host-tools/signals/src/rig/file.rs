@@ -7,8 +7,8 @@ use stylus_support::Result;
 use stylus_support::toml_field::{Checked, Field, from_toml};
 
 use super::contact::Contact;
-use super::description::{Measurement, Recording, RigDescription, Roughness, Texture, Weave};
 use super::profile::{highest_roughness_term, highest_weave_term};
+use super::{Measurement, Recording, RigDescription, Roughness, Texture, Weave};
 
 /// Name of the copy of the rig file in a set.
 pub(super) const RIG: &str = "rig.toml";

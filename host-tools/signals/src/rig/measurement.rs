@@ -8,7 +8,7 @@ use rand_pcg::Pcg64;
 use stylus_dsp::fourier::Complex;
 use stylus_support::fnv::Fnv;
 
-use super::description::{Hum, Measurement, Noise, Tremor};
+use super::{Hum, Measurement, Noise, Tremor};
 
 /// Number of sines that make up a tremor; enough that their sum is nearly Gaussian.
 const TREMOR_SINES: usize = 24;

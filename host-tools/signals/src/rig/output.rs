@@ -11,7 +11,7 @@ use stylus_support::output::OutputFolder;
 use stylus_support::{Error, Result};
 use stylus_support::{atomic_file, files, progress};
 
-use super::description::RigDescription;
+use super::RigDescription;
 use super::file::{RIG, RigFile};
 use super::trial::{Strip, Trial};
 

@@ -6,8 +6,8 @@ use rand::RngExt;
 use rand_distr::StandardNormal;
 use stylus_dsp::fourier::{self, Complex};
 
-use super::description::{Drum, Jitter, Roughness, Texture, Weave};
 use super::measurement::StreamKey;
+use super::{Drum, Jitter, Roughness, Texture, Weave};
 
 /// A profile along the track, as the terms of a Fourier series over the drum's circumference.
 #[derive(Debug, Clone, PartialEq)]

@@ -10,8 +10,8 @@ use rand::RngExt;
 use stylus_dsp::fourier::{self, Complex};
 use stylus_dsp::sums::rms;
 
+use super::Mode;
 use super::contact::Contact;
-use super::description::Mode;
 use super::measurement::StreamKey;
 use super::profile::Profile;
 use super::trial::{Strip, Trial};

@@ -8,11 +8,11 @@ use rayon::prelude::*;
 use stylus_dsp::fourier::Complex;
 
 use super::contact::{Contact, Response, ToolResponse};
-use super::description::{RigDescription, Texture, Tool, Wander};
 use super::file::RigFile;
 use super::measurement::{self, StreamKey};
 use super::profile::Profile;
 use super::series::UniformSampler;
+use super::{RigDescription, Texture, Tool, Wander};
 
 /// One texture on the drum with one seed: its profile, and for each speed the response that turns the profile into
 /// samples.

@@ -12,7 +12,7 @@ use stylus_link::link::Device;
 use stylus_link::procedures::calibrate::{AtRest, Coil, acceleration_zeros, verify};
 use stylus_support::{Error, Result};
 
-use super::connection::Link;
+use super::Link;
 use super::response::{Answer, ResponseArguments, ResponseReport};
 use crate::cli::input::positive;
 use crate::cli::interrupt::Interrupt;

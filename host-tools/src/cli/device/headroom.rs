@@ -9,7 +9,7 @@ use stylus_link::link::Device;
 use stylus_link::procedures::response::{Headroom, headroom};
 use stylus_support::Result;
 
-use super::connection::Link;
+use super::Link;
 use crate::cli::input::warn_of_unknown_levels;
 use crate::cli::output::{print, print_json, warn};
 use crate::cli::table::table;

@@ -1,9 +1,9 @@
-//! The part of `stylus calibrate` on the response, and `stylus check`.
+//! The part of `stylus calibrate` on the response, `stylus check`, and the stored response in `stylus status`.
 
 use std::path::PathBuf;
-use std::time::SystemTime;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use model_format::link::ResponseChange;
+use model_format::link::{ResponseChange, ResponseState, StoredResponse};
 use serde::Serialize;
 use stylus_dsp::equaliser::CALIBRATION_GAIN_DB;
 use stylus_dsp::response::Bandwidths;
@@ -12,9 +12,10 @@ use stylus_link::procedures::response::{
     Calibrated, DeviceBench, Failure, Fault, Flatness, Options, Verdict, calibrate, check,
 };
 use stylus_report::plot::{Caption, Curve, responses};
+use stylus_support::date::utc;
 use stylus_support::{Error, Result};
 
-use super::connection::Link;
+use super::Link;
 use crate::cli::files::Overwrite;
 use crate::cli::input::{of_axes, positive};
 use crate::cli::interrupt::Interrupt;
@@ -248,4 +249,48 @@ pub fn run_check(arguments: &CheckArguments) -> Result<()> {
         checked.resonance_hz.unwrap_or(f64::NAN),
         checked.axis_deg
     ))
+}
+
+/// A summary of the stored response.
+#[derive(Serialize)]
+pub struct Summary {
+    /// Hash of the whole response.
+    id: String,
+    /// Day of the measurement, UTC.
+    measured_on: String,
+    /// Largest deviation from a flat response in the verification, dB.
+    worst_db: f32,
+    /// RMS of that deviation, dB.
+    rms_db: f32,
+    /// Settings that have changed since the measurement, in words; empty if none has.
+    changed_since: String,
+}
+
+impl Summary {
+    pub fn of(state: &ResponseState) -> Option<Self> {
+        let StoredResponse { response, id, stale } = state.stored.as_ref()?;
+        Some(Self {
+            id: format!("{id:08x}"),
+            measured_on: utc(UNIX_EPOCH + Duration::from_secs(response.measured_at))[..10].to_owned(),
+            worst_db: response.worst_db,
+            rms_db: response.rms_db,
+            changed_since: stale.to_string(),
+        })
+    }
+
+    pub fn line(&self) -> String {
+        let Self {
+            id,
+            measured_on,
+            worst_db,
+            rms_db,
+            changed_since,
+        } = self;
+        let stale = if changed_since.is_empty() {
+            String::new()
+        } else {
+            format!("; STALE: {changed_since} changed since, calibrate again")
+        };
+        format!("{id}, measured on {measured_on}, flat within {worst_db:.1} dB ({rms_db:.1} dB RMS){stale}")
+    }
 }

@@ -3,12 +3,12 @@
 use std::path::PathBuf;
 
 use stylus_link::link::{Device, LinkAddress, LinkError};
-use stylus_link::procedures::self_test::record::Record;
+use stylus_link::procedures::self_test::Record;
 use stylus_link::procedures::self_test::{self, Options, Step, Verdict};
 use stylus_support::progress;
 use stylus_support::{Error, Result};
 
-use super::connection::Link;
+use super::Link;
 use super::slots::Slot;
 use crate::cli::files::Overwrite;
 use crate::cli::input::positive;

@@ -8,7 +8,7 @@ use stylus_link::link::Device;
 use stylus_link::link::settings::{self as described, Known, SettingOrigin, SettingRow, consequences};
 use stylus_support::{Error, Result};
 
-use super::connection::Link;
+use super::Link;
 use super::status::settings as remarks;
 use crate::cli::output::{is_full, print, print_json};
 use crate::cli::table::table;

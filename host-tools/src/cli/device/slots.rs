@@ -7,7 +7,7 @@ use stylus_link::link::{SlotContent, TextureEntry};
 use stylus_support::number::counted;
 use stylus_support::{Error, Result};
 
-use super::connection::Link;
+use super::Link;
 use crate::cli::output::{print, print_json};
 use crate::cli::table::{headed, table};
 

@@ -1,17 +1,17 @@
-//! `stylus upload`
+//! `stylus upload` and `stylus update`: a library or an image for the stylus's flash.
 
 use std::path::{Path, PathBuf};
 
 use model_format::link::UploadState;
 use serde::Serialize;
-use stylus_link::link::upload::{Uploaded, upload_over};
-use stylus_support::Result;
-use stylus_support::number::counted;
-use stylus_support::progress;
-
-use super::connection::Link;
-use crate::cli::output::{note, print, print_json, warn};
 use stylus_fit::texture::library::{decode_library, read_library};
+use stylus_link::link::upload::{Step, UpdateFile, update};
+use stylus_link::link::upload::{Uploaded, upload_over};
+use stylus_support::number::counted;
+use stylus_support::{Result, progress};
+
+use super::Link;
+use crate::cli::output::{note, print, print_json, warn};
 
 #[derive(clap::Args)]
 #[expect(clippy::struct_excessive_bools, reason = "each is a flag of the command line")]
@@ -142,5 +142,48 @@ fn show(path: &Path, uploaded: &Uploaded, is_active: bool) -> Result<()> {
         } else {
             format!("; `stylus slots --activate {}` makes it the active one", uploaded.slot)
         }
+    ))
+}
+
+#[derive(clap::Args)]
+pub struct UpdateArguments {
+    /// The signed file that `cargo tasks image` wrote
+    image: PathBuf,
+    /// Allow an older version than the one that runs
+    #[arg(long)]
+    allow_downgrade: bool,
+    /// Print the result as JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    link: Link,
+}
+
+pub fn update_image(arguments: &UpdateArguments) -> Result<()> {
+    let file = UpdateFile::read(&arguments.image)?;
+    // The image that runs may speak another version of the protocol, which this update then ends.
+    let mut device = arguments.link.connect_to_any()?;
+    note(
+        "note: an update gives up the library in the slot that is not active; settings and the active library stay. \
+         Keep the device on its supply",
+    );
+    let bytes = file.header.length;
+    let bar = progress::bar(u64::from(bytes), "sending");
+    let updated = update(&mut device, &file, arguments.allow_downgrade, |step| match step {
+        Step::Sent(there) => bar.set_position(there as u64),
+        Step::Exchanging => {
+            bar.finish_and_clear();
+            note("the device exchanges the images, which takes some ten seconds");
+        }
+    })?;
+    if updated.after.trusts_development_key {
+        warn("the image trusts the development key, so it takes anybody's updates: `cargo tasks keys` makes a key");
+    }
+    if arguments.json {
+        return print_json(&updated);
+    }
+    print(&format!(
+        "{} -> {} ({bytes} bytes): sent in {:.1} s, answered after {:.1} s, confirmed",
+        updated.before.image, updated.after.image, updated.sent_s, updated.exchanged_s
     ))
 }

@@ -7,10 +7,10 @@ use stylus_fit::fit::parts::{Mapped, Merged, Shard, map};
 use stylus_fit::fit::record::FitRecord;
 use stylus_fit::fit::{self, Fit, TrialReport};
 use stylus_signals::recording::RecordingSet;
-use stylus_support::file_name::Stems;
+use stylus_support::Warning;
+use stylus_support::names::Stems;
 use stylus_support::number::counted;
 use stylus_support::progress;
-use stylus_support::warning::Warning;
 use stylus_support::{Error, Result};
 
 use crate::cli::files::check_in_growing_folder;

@@ -6,8 +6,8 @@ use stylus_fit::fit::excitation::{CodebookReport, ExcitationReport};
 use stylus_fit::fit::record::FoundLines;
 use stylus_fit::fit::{Fit, TrialReport, by_speed};
 use stylus_fit::texture::summary::TextureSummary;
+use stylus_support::Warning;
 use stylus_support::number::counted;
-use stylus_support::warning::Warning;
 
 use crate::cli::output::{is_full, warn_of};
 use crate::cli::table::table;

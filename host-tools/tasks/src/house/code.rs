@@ -29,6 +29,8 @@ struct Reader<'a> {
     /// The module that is read, and its file.
     module: Path,
     file: &'a str,
+    /// The modules that are read, those within files too.
+    modules: BTreeSet<Path>,
     /// The modules that those read so far declare.
     declared: BTreeSet<Path>,
     imports: Vec<Import<'a>>,
@@ -37,10 +39,11 @@ struct Reader<'a> {
 impl Reader<'_> {
     /// Reads `stream`. Its paths are below the segments `before`, which are not empty for a group in a `use`.
     fn read(&mut self, stream: TokenStream, before: &[String], mut is_use: bool) {
-        let (mut is_of_tests, mut last) = (false, String::new());
+        let (mut is_of_tests, mut last, mut is_mod) = (false, String::new(), false);
         let mut trees = stream.into_iter().peekable();
         while let Some(tree) = trees.next() {
             let previous = std::mem::take(&mut last);
+            let is_named = std::mem::take(&mut is_mod);
             match tree {
                 // An item of tests ends with its block or semicolon.
                 TokenTree::Group(group) if is_of_tests => {
@@ -52,11 +55,19 @@ impl Reader<'_> {
                     last = word.to_string();
                     if previous == "mod" {
                         self.declared.insert([&*self.module, &[last.clone()]].concat());
+                        is_mod = true;
                     }
                     match last.as_str() {
                         "use" => is_use = true,
                         _ => self.read_path(&word, &mut trees, before, is_use),
                     }
+                }
+                // A module within a file, which may have files of its own.
+                TokenTree::Group(group) if is_named => {
+                    self.module.push(previous);
+                    self.modules.insert(self.module.clone());
+                    self.read(group.stream(), &[], false);
+                    self.module.pop();
                 }
                 TokenTree::Group(group) => {
                     if group.delimiter() == Delimiter::Bracket {
@@ -132,16 +143,18 @@ type Arrows<'a> = BTreeMap<Path, Vec<(Path, &'a str, usize)>>;
 /// Checks that the imports between modules form no circles.
 pub fn check(tree: &Tree, findings: &mut Findings) {
     let mut reader = Reader::default();
-    let mut modules = BTreeSet::new();
     for (file, text) in tree.texts_of(".rs") {
         if let (Some(module), Ok(stream)) = (module_of(file), text.parse()) {
-            modules.insert(module.clone());
+            reader.modules.insert(module.clone());
             (reader.module, reader.file) = (module, file);
             reader.read(stream, &[], false);
         }
     }
     let Reader {
-        declared, mut imports, ..
+        mut modules,
+        declared,
+        mut imports,
+        ..
     } = reader;
     // The others are of tests: the crate's root or a module above them declares them there alone.
     modules.retain(|module| (2..=module.len()).all(|depth| declared.contains(&module[..depth])));

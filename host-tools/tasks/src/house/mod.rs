@@ -89,6 +89,17 @@ mod tests {
     }
 
     #[test]
+    fn circles_are_found_between_files_of_a_module_within_a_file() {
+        let files = [
+            ("a/src/lib.rs", "pub mod b { mod d; mod e; pub use d::D; } mod c;"),
+            ("a/src/b/d.rs", "use super::e::E;"),
+            ("a/src/b/e.rs", "use super::D;"),
+            ("a/src/c.rs", "use crate::b::D;"),
+        ];
+        assert_circles(&files, ["b/d.rs:1", "b/e.rs:1"]);
+    }
+
+    #[test]
     fn circles_are_found_through_a_folder_or_a_type_that_a_use_names() {
         for (used, path) in [
             ("super::desk", "desk::join()"),

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use host_tools::fit::hatt::import::{Options, plan, read_all};
 use host_tools::recording::{self, MAX_CHANNELS, RecordingSet, Samples, Snap, Trial, most_frames};
 use host_tools::support::Error;
-use host_tools::support::hand::{MAX_FORCE_N, MAX_SPEED_MM_S};
+use host_tools::support::number::{MAX_FORCE_N, MAX_SPEED_MM_S};
 use model_format::{Provenance, SAMPLE_RATE_HZ};
 
 use super::place;

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use host_tools::link::FrameDecoder;
-use host_tools::link::virtual_usb::{self, FromBus};
+use host_tools::link::usb::{self, FromBus};
 use model_format::link::{
     ActivateEndpoint, CyclesEndpoint, InfoEndpoint, ListEndpoint, ListSceneEndpoint, MAX_DEVICE_FRAME_BYTES,
     MotionEndpoint, PlayEndpoint, ProbeLoadEndpoint, ProbeStartEndpoint, RecordStartEndpoint, RecordStopEndpoint,
@@ -29,9 +29,9 @@ pub fn judge(input: &[u8]) {
     frames.iter().for_each(|frame| messages(frame));
     messages(input);
     let mut bytes: VecDeque<u8> = input.iter().copied().collect();
-    while let Ok(Some(message)) = virtual_usb::take::<FromBus>(&mut bytes) {
-        let mut again = VecDeque::from(virtual_usb::encode(&message));
-        assert_eq!(virtual_usb::take(&mut again).ok().flatten(), Some(message));
+    while let Ok(Some(message)) = usb::take::<FromBus>(&mut bytes) {
+        let mut again = VecDeque::from(usb::encode(&message));
+        assert_eq!(usb::take(&mut again).ok().flatten(), Some(message));
     }
 }
 

@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use host_tools::link::update::UpdateFile;
+use host_tools::link::upload::UpdateFile;
 use host_tools::support::Error;
 use host_tools::support::output::{LIST, check_folder};
 use tempfile::TempDir;

@@ -6,7 +6,7 @@ use host_tools::evaluation::listening::{Answers, score};
 use host_tools::playing::motion::MotionPath;
 use host_tools::procedures::set::PlannedTrial;
 use host_tools::recording::{RATES_HZ, freehand};
-use host_tools::support::hand::{MAX_FORCE_N, MAX_SPEED_MM_S};
+use host_tools::support::number::{MAX_FORCE_N, MAX_SPEED_MM_S};
 
 use super::place;
 

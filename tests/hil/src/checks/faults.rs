@@ -1,17 +1,19 @@
 //! Tests with the fault image: rows of the converters that are read late, and each fault of [`ENDING`]. After a fault
 //! there must be a reset, its reason and the kind of the fault in the status, and silence.
+//!
+//! Faults are requested by their numbers in `firmware/realtime/src/injection.rs`. Only the fault image accepts them.
 
 use std::ops::Range;
 
 use model_format::link::{Fault, FaultKind, MotionSource, QUICK_FAULT_MS, ResetReason, Status};
+use postcard_rpc::{TopicDirection, topics};
 use stylus_link::link::capture::Stream;
 
 use crate::bench::{DeviceUnderTest, request};
 use crate::board::Image;
-use crate::checks::self_test;
-use crate::error::{Error, Result};
-use crate::injection::{Injected, inject};
+use crate::checks::silent;
 use crate::library;
+use crate::report::{Error, Result};
 
 /// A fault that ends in a reset.
 pub struct Ending {
@@ -236,5 +238,57 @@ fn ends(bench: &mut DeviceUnderTest, wanted: &Ending) -> Result<()> {
         ),
         after.reset == wanted.reason && is_wanted && after.resets == before.resets + 1,
     );
-    self_test::at_mid_scale(bench, &format!("after {name} the pin is at mid-scale"))
+    silent::at_mid_scale(bench, &format!("after {name} the pin is at mid-scale"))
+}
+
+topics! {
+    list = INJECTION;
+    direction = TopicDirection::ToServer;
+    | TopicTy    | MessageTy | Path                     |
+    | -------    | --------- | ----                     |
+    | FaultTopic | u8        | "stylus/fault-injection" |
+}
+
+/// A fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[expect(missing_docs, reason = "the names are those of the firmware")]
+pub enum Injected {
+    /// No fault. The product's image counts the message as malformed, and the fault image does nothing.
+    Nothing,
+    LongTick,
+    EndlessTick,
+    EndlessTask,
+    Panic,
+    BadJump,
+    UnexpectedInterrupt,
+    Nmi,
+    NoTick,
+    PanicInTick,
+    Halt,
+    LateTick,
+    VeryLongTick,
+    NoTransfers,
+    NoEraser,
+    AmplifierOff,
+    AmplifierOn,
+    /// A critical section that begins before a trigger and lasts until 25 µs after it.
+    ShortSection = 30,
+    /// A critical section that begins before a trigger and lasts until 45 µs after it. The first conversion ends after
+    /// 31.7 µs.
+    LongSection,
+    OverflowInTask,
+    OverflowInUpdate,
+    WriteToNull,
+    ReadNull,
+    WriteToItcm,
+    WriteToFlash,
+    ExecuteData,
+    ReadExternal,
+    /// No fault. Sets the counts of ticks to a second before their 32 bits overflow.
+    Age,
+}
+
+/// Requests a fault.
+pub fn inject(bench: &DeviceUnderTest, fault: Injected) -> Result<()> {
+    Ok(bench.device.publish::<FaultTopic>(&(fault as u8))?)
 }

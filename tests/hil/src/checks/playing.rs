@@ -7,8 +7,8 @@ use stylus_link::link::LinkError;
 use stylus_link::procedures::self_test::Line;
 
 use crate::bench::{DeviceUnderTest, is_playing, request};
-use crate::error::{Error, Result};
 use crate::library;
+use crate::report::{Error, Result};
 
 /// Longest time from the cause of a mute until the output is at mid-scale, ms.
 const SILENT_WITHIN_MS: u64 = 100;

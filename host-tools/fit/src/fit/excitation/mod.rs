@@ -36,7 +36,7 @@ mod trace;
 use model_format::NodeSpec;
 use rayon::prelude::*;
 use stylus_dsp::sums::dot;
-use stylus_support::warning::Warning;
+use stylus_support::Warning;
 
 use super::blocks::Part;
 use super::grid::place;

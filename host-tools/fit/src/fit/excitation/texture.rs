@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use model_format::{BLOCK_BYTES, BLOCK_SAMPLES, ExcitationSpec, PartsSpec, SAMPLE_RATE_HZ, limits};
 use serde::{Deserialize, Serialize};
+use stylus_support::Warning;
 use stylus_support::number::counted;
-use stylus_support::warning::Warning;
 
 use super::bound::{self, Excess, Reach};
 use super::codebook::{Coded, coded};

@@ -20,10 +20,10 @@ use stylus_dsp::sums::mean;
 use stylus_signals::recording::freehand::Freehand;
 use stylus_signals::recording::triage::Verdict;
 use stylus_signals::recording::{RecordingSet, Snap};
-use stylus_support::file_name::portable;
+use stylus_support::Warning;
 use stylus_support::in_order::in_order;
+use stylus_support::names::portable;
 use stylus_support::number::counted;
-use stylus_support::warning::Warning;
 use stylus_support::{Error, Result};
 
 mod levels;

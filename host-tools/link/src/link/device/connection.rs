@@ -18,11 +18,11 @@ use serde::de::DeserializeOwned;
 use tokio::runtime::{Handle, Runtime};
 
 use crate::link::address::LinkAddress;
+use crate::link::error::Mismatch;
 use crate::link::error::{LinkError, Result};
-use crate::link::health::Health;
 use crate::link::limit::Limit;
-use crate::link::open::{Client, explained, open};
-use crate::link::version::Mismatch;
+use crate::link::links::{Client, explained, open};
+use crate::link::wire::Health;
 
 /// Time for which a link may still be another program's when this one opens it. A program that ends frees its link
 /// within this time.

@@ -13,7 +13,7 @@ use model_format::link::{
 };
 use postcard_rpc::host_client::{MultiSubRxError, MultiSubscription};
 use serde::Serialize;
-use stylus_support::nearest::nearly;
+use stylus_support::names::nearly;
 
 use super::connection::{Device, POLL_INTERVAL};
 use crate::link::error::{LinkError, Result};

@@ -3,7 +3,7 @@
 //!
 //! | module | subject |
 //! |---|---|
-//! | `bench`, `device` | what plays waveforms and records them: a device, or in tests a model |
+//! | `bench` | what plays waveforms and records them: a device, or in tests a model |
 //! | `identify` | noise at rest, rising levels, the response at three levels, and faults |
 //! | `design` | equalisers and absolute level |
 //! | `calibrate` | the whole calibration, proved by a second measurement through the proposed equaliser |
@@ -16,16 +16,14 @@ mod bench;
 mod calibrate;
 mod check;
 mod design;
-mod device;
 mod headroom;
 mod identify;
 #[cfg(test)]
 mod tests;
 
-pub use bench::{Played, Probe, ProbedStylus};
+pub use bench::{DeviceBench, Played, Probe, ProbedStylus};
 pub use calibrate::{Calibrated, Flatness, calibrate};
 pub use check::{Checked, check};
-pub use device::DeviceBench;
 pub use headroom::{BandHeadroom, Headroom, headroom};
 pub use identify::{Identified, Level, Options};
 

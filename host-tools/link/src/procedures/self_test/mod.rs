@@ -4,9 +4,25 @@
 //! The output is moved only if the device knows that the amplifier is off, or a person says that none is connected. A
 //! library is erased only on request.
 
-pub mod judge;
+/// Limits of the self test. Each function compares the values of one measurement with their limits, and names the
+/// remedies.
+///
+/// A limit's source is given with the limit. DS12110 is the part's datasheet, RM0433 its manual, ES0392 its errata. A
+/// limit without a source is a choice, wide enough for a good device and narrow enough for the fault that the limit
+/// detects.
+pub mod judge {
+    mod board;
+    mod output;
+    mod run;
+    mod sensors;
+
+    pub use board::{chip, clocks, flash, memory, option_bytes};
+    pub use output::{output, rest};
+    pub use run::{Traffic, state, traffic};
+    pub use sensors::{at_rest, moved};
+}
+
 mod line;
-pub mod record;
 
 use std::thread;
 use std::time::{Duration, Instant};
@@ -21,7 +37,7 @@ use crate::link::Device;
 use crate::link::capture::{Calibration, Capture, Stream, capture};
 use crate::link::{LinkError, Result};
 
-pub use self::line::{Line, Verdict};
+pub use self::line::{Line, Record, Verdict};
 
 /// Least number of blocks, of 6.4 ms each, between two readings of the encoder's lines.
 const LOOK_BLOCKS: u32 = 8;

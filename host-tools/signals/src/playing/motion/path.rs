@@ -6,7 +6,7 @@ use model_format::{MillimetresPerSecond, Newton};
 use stylus_kernel::Motion;
 use stylus_kernel::position::Position;
 use stylus_kernel::scene::{ContactDetector, ContactThreshold, Interaction};
-use stylus_support::hand::{force_fault, position_fault, speed_fault};
+use stylus_support::number::{force_fault, position_fault, speed_fault};
 use stylus_support::{Error, Result};
 
 /// Largest number of rows of a motion: a day at 100 per second, in about 300 MB.

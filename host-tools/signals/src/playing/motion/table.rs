@@ -4,7 +4,7 @@ use std::path::Path;
 
 use stylus_support::bounded_file::Format;
 use stylus_support::csv_table::{CsvTable, Header, Row};
-use stylus_support::hand::{force_fault, position_fault, speed_fault};
+use stylus_support::number::{force_fault, position_fault, speed_fault};
 use stylus_support::{Error, Result};
 
 use super::path::{MotionPath, Point, Points};

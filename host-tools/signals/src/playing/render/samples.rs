@@ -29,7 +29,7 @@ impl<'a> Rendering<'a> {
     ///
     /// # Errors
     /// A duration that is not a number, is shorter than a sample, or is longer than
-    /// [`MAX_SECONDS`](super::MAX_SECONDS).
+    /// [`MAX_SECONDS`].
     pub fn new(texture: Texture<'a>, motion: &'a MotionPath, seconds: f64, seed: u64) -> Result<Self> {
         Self::of_plan(Plan::of_texture(texture), motion, seconds, seed)
     }
@@ -192,13 +192,32 @@ impl Iterator for SampleClock {
 
 impl ExactSizeIterator for SampleClock {}
 
+/// Motions that several tests of this crate use, over the grid of [`test_helpers::library`].
+#[cfg(test)]
+pub(crate) mod test_motions {
+    use model_format::{MillimetresPerSecond, Newton};
+
+    use crate::playing::motion::MotionPath;
+
+    pub fn constant(speed_mm_s: f32, force_n: f32) -> MotionPath {
+        MotionPath::constant(MillimetresPerSecond(speed_mm_s), Newton(force_n)).unwrap()
+    }
+
+    /// A motion across the whole grid and down to rest.
+    pub fn sweep() -> MotionPath {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let rows = "time_s,speed_mm_s,force_n\n0,0,0.2\n0.2,120,1.1\n0.3,60,0.4\n0.4,0,0\n";
+        std::fs::write(file.path(), rows).unwrap();
+        MotionPath::from_csv(file.path()).unwrap()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
     use stylus_kernel::scene::{ContactDetector, ContactThreshold, Interaction};
 
-    use super::super::MAX_SECONDS;
-    use super::super::test_motions::{constant, sweep};
+    use super::test_motions::{constant, sweep};
     use super::*;
     use stylus_support::Error;
     use test_helpers::{library, texture};

@@ -11,7 +11,7 @@ use nalgebra::{DMatrix, DVector};
 use stylus_dsp::linear_prediction::{Prediction, corrected, step_up};
 use stylus_dsp::sums::{dot, energy, mean, sliding, upper_median};
 
-use super::axis::Axis;
+use super::Axis;
 
 /// Order of the predictor.
 const ORDER: usize = 16;

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::axis::Axis;
+use super::Axis;
 
 /// Least number of clipped samples that counts, because a single sample is not evidence in a short recording.
 const MIN_CLIPPED_SAMPLES: usize = 8;

@@ -5,7 +5,7 @@
 //! sample.
 
 use stylus_support::csv_table::Header;
-use stylus_support::hand::MAX_SPEED_MM_S;
+use stylus_support::number::MAX_SPEED_MM_S;
 
 /// Length of the fit without held positions, s: about the 20 ms over which the stylus means its own speed.
 const WINDOW_S: f64 = 0.025;

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use stylus_support::bounded_file::Format;
 use stylus_support::csv_table::{CsvTable, Header, Row, comment};
-use stylus_support::hand::{MAX_FORCE_N, MAX_SPEED_MM_S};
 use stylus_support::number::counted;
+use stylus_support::number::{MAX_FORCE_N, MAX_SPEED_MM_S};
 use stylus_support::{Error, Result};
 
 use super::positions::{self, PositionColumn};
@@ -14,7 +14,7 @@ use crate::recording::axes::LeftOut;
 use crate::recording::clock::{self, TimeFacts};
 use crate::recording::csv_file::{counts, is_no_value};
 use crate::recording::rate::length_fault;
-use crate::recording::time_unit::TimeColumn;
+use crate::recording::times::TimeColumn;
 use crate::recording::uneven::evened;
 use crate::recording::{Cut, MAX_CHANNELS, MAX_FRAMES, SampleRate, Source, Timing};
 use crate::recording::{lvm, unit};

@@ -44,7 +44,6 @@
 //!
 //! Invariant: samples in (m/s² at 5 kHz, cut and scaled), verdicts out. Nothing here reads a file or drops a trial.
 
-mod compared;
 mod copies;
 mod cut;
 mod hum;
@@ -52,12 +51,9 @@ mod level;
 mod scale;
 mod set;
 mod single_trial;
-#[cfg(test)]
-pub(super) mod test_signals;
 mod unlike;
 mod verdict;
 
-pub use compared::Compared;
 pub use copies::Sketch;
 pub use cut::{LEAST_KEPT, kept, kept_spans, stretches, usable};
 pub use hum::{HUM_RATIO_DB, MainsLine, mains_lines};
@@ -66,3 +62,62 @@ pub use set::all_verdicts;
 pub use single_trial::{CLIPPED_SHARE, COARSE_SNR_DB, DRIFT_SHARE, LEAST_RATE_HZ, SHORT_SAMPLES, flaws, samples};
 pub use unlike::UNLIKE_NEIGHBOURS_DB;
 pub use verdict::{Kind, Span, Verdict, in_words};
+
+/// The properties of a trial that are compared with those of others.
+#[derive(Clone, Copy, Debug)]
+pub struct Compared<'a> {
+    /// Name of the trial's texture.
+    pub texture: &'a str,
+    /// Tangential speed, mm/s.
+    pub speed_mm_s: f64,
+    /// Normal force, N.
+    pub force_n: f64,
+    /// Third-octave bands in which the recording is valid: centre, Hz, ascending, and level, dB.
+    pub bands_db: &'a [(f64, f64)],
+    /// True at rest or without contact, where there is only slow motion to record.
+    pub is_idle: bool,
+    /// RMS, m/s².
+    pub rms_m_s2: f64,
+    /// False if the samples are integers of unknown acceleration.
+    pub has_scale: bool,
+    /// Lines at mains frequencies.
+    pub mains_lines: &'a [MainsLine],
+    /// Sketch of the trial's signal.
+    pub sketch: &'a Sketch,
+    /// Verdicts on the trial so far.
+    pub verdicts: &'a [Verdict],
+}
+
+impl Compared<'_> {
+    pub(super) fn is_silent(&self) -> bool {
+        self.verdicts.iter().any(|verdict| verdict.kind() == Kind::Silent)
+    }
+}
+
+/// Signals that several tests of this folder use.
+#[cfg(test)]
+pub(super) mod test_signals {
+    use rand::{RngExt, SeedableRng};
+
+    use model_format::SAMPLE_RATE_HZ;
+
+    pub const RATE_HZ: f64 = SAMPLE_RATE_HZ as f64;
+
+    /// White noise of 2 s within ±2 m/s², of which no sample stands out as those of Gaussian noise do: not clipped, and
+    /// without bursts.
+    pub fn bounded_noise(seed: u64) -> Vec<f64> {
+        let mut rng = rand_pcg::Pcg64::seed_from_u64(seed);
+        (0..10_000)
+            .map(|_| rng.random_range(-1.0..1.0) + rng.random_range(-1.0..1.0))
+            .collect()
+    }
+
+    pub fn tone(frequency_hz: f64, amplitude: f64) -> impl Iterator<Item = f64> {
+        let step = core::f64::consts::TAU * frequency_hz / RATE_HZ;
+        (0..10_000).map(move |n| amplitude * (step * f64::from(n)).sin())
+    }
+
+    pub fn plus(signal: &[f64], other: impl Iterator<Item = f64>) -> Vec<f64> {
+        signal.iter().zip(other).map(|(a, b)| a + b).collect()
+    }
+}

@@ -3,7 +3,7 @@
 use stylus_dsp::sums::Moments;
 
 use super::verdict::{Kind, Verdict};
-use crate::recording::source::Account;
+use crate::recording::trial::Account;
 use crate::recording::unit::{GRAVITY_M_S2, GRAVITY_TOLERANCE};
 
 /// Default of the RMS below which a recording is silent, m/s²: less than the noise of any accelerometer.

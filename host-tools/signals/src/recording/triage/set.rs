@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use stylus_dsp::sums::upper_median;
 
-use super::compared::Compared;
+use super::Compared;
 use super::copies::{Sketch, copies};
 use super::hum::confirmed_hum;
 use super::unlike::unlike_neighbours;

@@ -10,7 +10,7 @@ use super::level;
 use super::scale::{SILENCE_FLOOR_M_S2, scale};
 use super::verdict::{Kind, Span, Verdict};
 use crate::recording::defects::{Defects, Truncation};
-use crate::recording::source::Samples;
+use crate::recording::trial::Samples;
 
 /// Number of samples below which a trial is too short: 0.4 s at 5 kHz.
 pub const SHORT_SAMPLES: usize = 2000;

@@ -1,6 +1,6 @@
 //! A trial whose spectrum differs from those of both neighbours in speed, as if it had another filter, sensor or gain.
 
-use super::compared::Compared;
+use super::Compared;
 use super::verdict::{Kind, Verdict};
 
 /// Least deviation from both neighbours in speed, dB, if these differ from each other by less. A level that only one of

@@ -19,7 +19,7 @@ use stylus_link::link::{Device, LinkError};
 use stylus_support::number::counted;
 use stylus_support::{Error, Result};
 
-use super::connection::Link;
+use super::Link;
 use crate::cli::input::{ConstantMotion, positive, warn_of_motion};
 use crate::cli::interrupt::Interrupt;
 use crate::cli::output::{print, print_json, warn};

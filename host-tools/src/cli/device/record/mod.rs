@@ -2,7 +2,6 @@
 
 mod report;
 mod session;
-mod strokes;
 
 use std::path::PathBuf;
 
@@ -16,7 +15,7 @@ use stylus_signals::recording::TRIALS_FILE;
 use stylus_support::number::counted;
 use stylus_support::{Error, Result};
 
-use crate::cli::device::connection::Link;
+use crate::cli::device::Link;
 use crate::cli::files::{Overwrite, check_in_growing_folder};
 use crate::cli::input::{not_negative, of_axes, positive, trial_force, trial_speed};
 use crate::cli::output::{print, print_json, tell};
@@ -87,7 +86,7 @@ impl Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     if arguments.strokes {
-        return strokes::run(arguments);
+        return session::record_strokes(arguments);
     }
     let points = arguments.points()?;
     // `Folder::open` makes a folder that is not there yet. It has no list that could be lost.

@@ -1,6 +1,5 @@
 //! `stylus status`
 
-mod response;
 mod watch;
 
 use model_format::link::{
@@ -12,8 +11,8 @@ use serde::Serialize;
 use stylus_link::link::settings::cap;
 use stylus_support::Result;
 
-use self::response::Summary;
-use super::connection::Link;
+use super::Link;
+use super::response::Summary;
 use crate::cli::input::positive;
 use crate::cli::output::{print, print_json};
 

@@ -6,7 +6,6 @@ use model_format::link::{
     LEAST_BROWN_OUT_LEVEL, OptionByteValues, RAM_MONITORS, SiliconRevision,
 };
 
-use super::words;
 use crate::procedures::self_test::line::Line;
 
 /// `DEV_ID` of the STM32H742, H743, H753 and H750 (RM0433 section 60.5.8).
@@ -299,4 +298,12 @@ pub fn option_bytes(values: &OptionByteValues) -> Vec<Line> {
             "IO_HSLV at 3.3 V damages the chip (RM0433, IO_HSLV): clear it with STM32CubeProgrammer at once",
         ),
     ]
+}
+
+/// Returns what helps if the clock of this board does not come, and the socket of its own USB.
+pub(super) fn words(board: BoardName) -> [&'static str; 2] {
+    let board = stylus_board::named(board.as_str());
+    board.map_or(["look at its oscillator", "its socket"], |board| {
+        [board.clock.remedy, board.usb]
+    })
 }

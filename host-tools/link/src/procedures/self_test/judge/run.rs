@@ -97,7 +97,7 @@ pub fn state(status: &Status) -> Vec<Line> {
 
 /// Judges the start.
 fn started(start: StartReport) -> Vec<Line> {
-    let [clock, _] = super::words(start.board);
+    let [clock, _] = super::board::words(start.board);
     vec![
         Line::exact(
             "clock",

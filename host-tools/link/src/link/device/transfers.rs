@@ -1,4 +1,5 @@
-//! Requests of an upload. [`crate::link::upload`] combines them.
+//! Requests that carry something into the device: a library, an image, the waveform of a probe, and the response that
+//! probes measure. [`crate::link::upload`] and [`crate::procedures::response`] combine them.
 
 use std::collections::VecDeque;
 use std::future::poll_fn;
@@ -7,10 +8,12 @@ use std::task::{Context, Poll};
 use std::thread;
 
 use model_format::link::{
-    MAX_CHUNK_BYTES, UPLOAD_WINDOW, UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint, UploadChunk,
-    UploadChunkEndpoint, UploadCommitEndpoint, UploadCommitted, UploadProgress, UploadProgressEndpoint, UploadState,
+    MAX_CHUNK_BYTES, ProbeLoad, ProbeLoadEndpoint, ProbeStart, ProbeStartEndpoint, ProbeStarted, Response,
+    ResponseChange, ResponseGetEndpoint, ResponseProposeEndpoint, ResponseSetEndpoint, ResponseState, UPLOAD_WINDOW,
+    UpdateBegin, UpdateBeginEndpoint, UpdateCommitEndpoint, UpdateConfirmEndpoint, UpdateReport, UpdateStateEndpoint,
+    UploadAbortEndpoint, UploadBegin, UploadBeginEndpoint, UploadChunk, UploadChunkEndpoint, UploadCommitEndpoint,
+    UploadCommitted, UploadProgress, UploadProgressEndpoint, UploadState, waveform_crc32,
 };
-
 use postcard_rpc::standard_icd::WireError;
 
 use super::connection::{BUSY_INTERVAL, Device};
@@ -138,5 +141,75 @@ impl Device {
     /// Reads the progress of an upload.
     pub fn upload_progress(&self) -> Result<UploadState> {
         self.request_flash::<UploadProgressEndpoint>("upload progress", &())
+    }
+}
+
+impl Device {
+    /// Announces an image. The answer has the offset of the first byte that the device lacks.
+    pub fn update_begin(&self, update: &UpdateBegin) -> Result<UploadProgress> {
+        Ok(self.request_flash::<UpdateBeginEndpoint>("update begin", update)??)
+    }
+
+    /// Commits an update. The device restarts after its answer.
+    pub fn update_commit(&self) -> Result<UpdateReport> {
+        Ok(self.request_flash::<UpdateCommitEndpoint>("update commit", &())??)
+    }
+
+    /// Confirms the image that is on trial.
+    pub fn update_confirm(&self) -> Result<UpdateReport> {
+        Ok(self.request_flash::<UpdateConfirmEndpoint>("update confirmation", &())??)
+    }
+
+    /// Reads the versions and the state of the update; none from a device without a bootloader.
+    pub fn update_state(&self) -> Result<Option<UpdateReport>> {
+        self.request_flash::<UpdateStateEndpoint>("update state", &())
+    }
+}
+
+impl Device {
+    /// Loads one period of a probe's waveform. Returns its checksum, for [`ProbeStart::crc32`].
+    pub fn load_probe(&self, period: &[i16]) -> Result<u32> {
+        for load in ProbeLoad::parts(period) {
+            self.request::<ProbeLoadEndpoint>("probe load", &load)??;
+        }
+        Ok(waveform_crc32(period.iter().copied()))
+    }
+
+    /// Plays the waveform that was loaded. While it plays, the host sends [`Device::keep_alive`] every
+    /// [`model_format::link::KEEP_ALIVE_MS`].
+    pub fn start_probe(&self, start: &ProbeStart) -> Result<ProbeStarted> {
+        Ok(self.request::<ProbeStartEndpoint>("probe", start)??)
+    }
+
+    /// Reads which response is stored, and which is proposed.
+    pub fn response(&self) -> Result<ResponseState> {
+        self.request::<ResponseGetEndpoint>("response", &())
+    }
+
+    /// Proposes a response, through which a probe may then be played. Stored data does not change. Returns the
+    /// response's hash.
+    pub fn propose_response(&self, response: &Response) -> Result<u32> {
+        let id = self.request::<ResponseProposeEndpoint>("response proposal", response)??;
+        if id == response.id() {
+            Ok(id)
+        } else {
+            Err(self.not_verified("the device took another response than this one: propose it again".to_owned()))
+        }
+    }
+
+    /// Stores the response that was proposed over this link, or removes the stored one, and checks this by reading the
+    /// state back.
+    pub fn set_response(&self, change: ResponseChange) -> Result<ResponseState> {
+        self.request_flash::<ResponseSetEndpoint>("response change", &change)??;
+        let state = self.response()?;
+        let wanted = match change {
+            ResponseChange::Store { id } => Some(id),
+            ResponseChange::Clear { .. } => None,
+        };
+        if state.stored.as_ref().map(|stored| stored.id) == wanted {
+            Ok(state)
+        } else {
+            Err(self.not_verified("the response was changed, but another one reads back: change it again".to_owned()))
+        }
     }
 }

@@ -1,4 +1,0 @@
-//! What the users of the list and of its player rely on.
-
-mod fixtures;
-mod player;
