@@ -17,11 +17,14 @@ use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 use stylus_dsp::fourier::{self, Complex};
 use stylus_dsp::linear_prediction::step_up;
-use stylus_dsp::sums::mean_square;
+use stylus_dsp::sums::{energy, mean_square};
 use stylus_support::fnv::Fnv;
 
 /// Least magnitude of a score that is significant. Of Gaussian trials of 0.5 s and more, at most 2 in 100 reach it.
 const SIGNIFICANT: f64 = 3.5;
+
+/// Least norm of the three scores that is significant. Together they tell a surface that none of them tells alone.
+const SIGNIFICANT_TOGETHER: f64 = 4.0;
 
 /// Least magnitude of the mean score of many trials that counts. In trials of 2 s it is a fifth of a spread of levels.
 /// Over a hundred trials far less is significant, and no hand feels it.
@@ -140,7 +143,8 @@ impl Evidence {
 
     /// Returns whether the output is known to be Gaussian noise, as far as a hand feels.
     pub fn is_gaussian(&self) -> bool {
-        self.seconds > 0.0 && self.scores.iter().all(|score| score.abs() <= SIGNIFICANT)
+        let is_small = |score: &f64| score.abs() <= SIGNIFICANT;
+        self.seconds > 0.0 && self.scores.iter().all(is_small) && energy(&self.scores).sqrt() <= SIGNIFICANT_TOGETHER
     }
 }
 
@@ -153,7 +157,7 @@ impl std::fmt::Display for Evidence {
         write!(
             f,
             "spread of 50 ms levels {slow:+.1} standard deviations from Gaussian noise's at 20-60 Hz, {fast:+.1} at \
-             60-500 Hz, kurtosis {kurtosis:+.1}; more than {SIGNIFICANT} is significant"
+             60-500 Hz, kurtosis {kurtosis:+.1}; more than {SIGNIFICANT}, or {SIGNIFICANT_TOGETHER} together, is significant"
         )?;
         if self.seconds < FEW_S {
             write!(f, "; {:.2} s are few to judge by", self.seconds)?;

@@ -150,15 +150,14 @@ fn seconds_too_few_for_a_small_difference_are_said_to_be_few() {
 
 #[test]
 fn what_no_hand_feels_is_gaussian_however_many_trials_show_it_and_what_one_trial_shows_is_not() {
-    let of = |score: f64, trials: usize| {
-        let trial = Evidence {
-            scores: [0.0, score, 0.0],
-            seconds: 2.0,
-        };
+    let of_all = |scores: [f64; 3], trials: usize| {
+        let trial = Evidence { scores, seconds: 2.0 };
         Evidence::of_all(std::iter::repeat_n(trial, trials)).is_gaussian()
     };
+    let of = |score: f64, trials: usize| of_all([0.0, score, 0.0], trials);
     assert!([1, 2, 3, 10, 1000].iter().all(|&trials| of(-1.9, trials)));
     assert!(of(3.4, 1) && !of(3.6, 1) && !of(-2.6, 2) && !of(2.1, 4) && !of(2.1, 1000));
+    assert!(of_all([2.3; 3], 1) && !of_all([2.4, 2.4, -2.4], 1));
 }
 
 /// The residual of a white signal is no louder than the signal, so the bound on loudness does not find the event.
