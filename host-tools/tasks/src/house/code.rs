@@ -29,8 +29,9 @@ struct Reader<'a> {
     /// The module that is read, and its file.
     module: Path,
     file: &'a str,
-    /// The modules that those read so far declare.
+    /// The modules that those read so far declare, and those of them whose braces are in the same file.
     declared: BTreeSet<Path>,
+    inline: BTreeSet<Path>,
     imports: Vec<Import<'a>>,
 }
 
@@ -51,7 +52,8 @@ impl Reader<'_> {
                 TokenTree::Ident(word) => {
                     last = word.to_string();
                     if previous == "mod" {
-                        self.declared.insert([&*self.module, &[last.clone()]].concat());
+                        self.read_module(&last, &mut trees);
+                        continue;
                     }
                     match last.as_str() {
                         "use" => is_use = true,
@@ -70,6 +72,17 @@ impl Reader<'_> {
                 TokenTree::Punct(_) | TokenTree::Literal(_) => {}
             }
         }
+    }
+
+    /// Notes the module `name`, and reads what is between its braces if `trees` continue with them.
+    fn read_module(&mut self, name: &str, trees: &mut Trees) {
+        self.module.push(name.to_owned());
+        self.declared.insert(self.module.clone());
+        if let Some(TokenTree::Group(group)) = trees.next_if(|next| matches!(next, TokenTree::Group(_))) {
+            self.inline.insert(self.module.clone());
+            self.read(group.stream(), &[], false);
+        }
+        self.module.pop();
     }
 
     /// Reads the path that begins with `first`, or the paths of a `use`, below the segments `before`.
@@ -141,8 +154,12 @@ pub fn check(tree: &Tree, findings: &mut Findings) {
         }
     }
     let Reader {
-        declared, mut imports, ..
+        declared,
+        inline,
+        mut imports,
+        ..
     } = reader;
+    modules.extend(inline);
     // The others are of tests: the crate's root or a module above them declares them there alone.
     modules.retain(|module| (2..=module.len()).all(|depth| declared.contains(&module[..depth])));
     imports.retain(|import| modules.contains(&import.module));
