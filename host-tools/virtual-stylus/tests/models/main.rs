@@ -2,8 +2,5 @@
 
 mod bench;
 mod flash;
-mod motion;
-mod pace;
-mod probe;
 mod registers;
 mod usb;
