@@ -2,10 +2,11 @@
 //!
 //! This part is a package of its own because it is compiled for speed, and the rest of the image for size.
 //!
-//! `tick` imports `boot` and `play`, and `boot` imports no module. Without the feature `image` the crate has only `CortexM`, which gives the kernel `rotate` and
-//! `interpolate`; the emulated kernel uses this form. On a host this library is empty. The instructions are those of
-//! ARMv7E-M (ARM DDI 0403E, chapter A7), so a Cortex-M4 and a Cortex-M7 compute the same bits. The instructions are
-//! ordered for a Cortex-M7, which issues up to two instructions per cycle, in order, and waits for results.
+//! `tick` imports `boot` and `play`, and `boot` imports no module. Without the feature `image` the crate has only
+//! `CortexM`, which gives the kernel `rotate` and `interpolate`; the emulated kernel uses this form. On a host this
+//! library is empty. The instructions are those of ARMv7E-M (ARM DDI 0403E, chapter A7), so a Cortex-M4 and a Cortex-M7
+//! compute the same bits. The instructions are ordered for a Cortex-M7, which issues up to two instructions per cycle,
+//! in order, and waits for results.
 #![no_std]
 #![cfg(target_arch = "arm")]
 

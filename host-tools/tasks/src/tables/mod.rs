@@ -143,7 +143,8 @@ mod tests {
     use super::{check_instant, write};
 
     const TEXT: &str = "# Page\n\n<!-- table: a, made by `cargo tasks tables a` -->\n| x |\n|---|\n| 1 |\n\
-                        <!-- end -->\nbetween\n<!-- table: b, made by `cargo tasks tables b` -->\n<!-- end -->\nafter\n";
+                        <!-- end -->\nbetween\n<!-- table: b, made by `cargo tasks tables b` -->\n<!-- end -->\n\
+                        after\n";
 
     fn page_of(text: &str) -> (tempfile::TempDir, Page) {
         let folder = tempfile::tempdir().unwrap();
