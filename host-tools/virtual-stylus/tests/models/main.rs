@@ -2,5 +2,7 @@
 
 mod bench;
 mod flash;
+mod motion;
+mod pace;
 mod registers;
 mod usb;
