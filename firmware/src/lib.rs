@@ -1,13 +1,5 @@
 //! The stylus's image for the STM32H743 on a board of `firmware/boards/`.
 //!
-//! | module | content |
-//! |---|---|
-//! | `fault` | how the program ends: handlers, watchdog, stack, and the records of the reasons |
-//! | `flash` | library slots and settings in flash |
-//! | `self_test` | measurements of the self test |
-//! | `device` | the hardware as `stylus_app::control` sees it |
-//! | `link` | requests, over the two links |
-//!
 //! The time-critical modules `boot`, `play` and `tick` are in the package `stylus-realtime`, which all modules may
 //! import. Modules import in one direction: `link` imports `device`, `fault`, `flash` and `self_test`; `self_test`
 //! imports `flash`; `flash` imports `fault`. Only `main` imports all.
@@ -17,9 +9,48 @@
 #![cfg(all(target_arch = "arm", feature = "image"))]
 
 mod device;
-mod fault;
-mod flash;
-mod link;
+
+/// How the program ends: fault handlers, the watchdog and the guard of the stack, and the records of the reasons.
+///
+/// Invariant: the first act of every handler is to put the output to mid-scale, which works whatever state the program
+/// is in.
+mod fault {
+    pub mod handlers;
+    pub mod heat;
+    pub mod record;
+    pub mod report;
+    pub mod stack;
+    pub mod watchdog;
+}
+
+/// The two flash banks behind the NorFlash traits: bank 2 holds the library slots, bank 1 the settings and the record
+/// of updates.
+///
+/// Invariant: a word that cannot be read is an error and never a bus fault, every wait is bounded, and nothing outside
+/// the slots, the settings and the record of updates is erased or written.
+mod flash {
+    pub mod banks;
+    pub mod errors;
+}
+
+/// The two wires to the host, and the requests that come over them.
+///
+/// Invariants:
+/// - Requests run in tasks. Interrupt handlers move bytes and count faults of the line.
+/// - A frame that cannot be sent or decoded is counted. A transfer cut off by the end of a USB session is not.
+/// - No host stops the tick. No host stops the other link, except by what writes bank 1 of the flash, which masks the
+///   tasks' interrupts meanwhile: a change of settings or response, and a step of an update, which are refused while
+///   something is played; and the first upload after a start, which renews the record of updates.
+mod link {
+    pub mod otg;
+    pub mod outlet;
+    pub mod requests;
+    pub mod serial;
+    pub mod storage;
+    pub mod usb;
+    pub mod wire;
+}
+
 mod self_test;
 
 use defmt_rtt as _;

@@ -8,9 +8,8 @@ use stylus_kernel::scene::cost::{self, StageCost};
 use virtual_stylus::tick::Tick;
 
 use crate::device::{Device, MS, PERIOD_NS};
-use crate::library;
-use crate::probe;
 use crate::scenes::{ORDERS, bytes, press};
+use crate::{library, play};
 
 /// Largest number of instructions by which a tick of a fed lattice may exceed a tick of a plain one.
 const MOST_FED: u32 = 40;
@@ -227,8 +226,8 @@ fn fading(device: &mut Device) -> u32 {
 fn probing(device: &mut Device) -> u32 {
     device.stop();
     device.run_for(100 * MS);
-    let wave = probe::load(device);
-    probe::start(device, wave);
+    let wave = play::load(device);
+    play::start(device, wave);
     device.run_for(50 * MS);
     count(device, "probe", 30).within
 }
@@ -237,7 +236,7 @@ fn probing(device: &mut Device) -> u32 {
 fn equalised(device: &mut Device) -> u32 {
     device.stop();
     device.run_for(100 * MS);
-    probe::store(device, MAX_RESPONSE_SECTIONS);
+    play::store(device, MAX_RESPONSE_SECTIONS);
     device.run_for(20 * MS);
     count_scene(device, "eight sections").within
 }

@@ -9,18 +9,15 @@ mod bootloader;
 mod cost;
 mod device;
 mod expected;
-mod faults;
 mod inputs;
 mod latency;
 mod library;
 mod link;
-mod marks;
 mod output;
 /// Access to the generated blocks of a page; the source file belongs to the tasks.
 #[path = "../../host-tools/tasks/src/tables/page.rs"]
 mod page;
 mod play;
-mod probe;
 mod registers;
 mod requests;
 mod reset;
@@ -31,9 +28,7 @@ mod soak;
 mod start;
 mod ticks;
 mod update;
-mod upload;
 mod usb;
 mod usb_client;
 mod usb_link;
-mod usb_mishaps;
 mod usb_requests;

@@ -8,10 +8,9 @@ use stylus_app::safety;
 use stylus_board::ALL;
 use stylus_plant::{Parameters, Plant};
 use virtual_stylus::Options;
-use virtual_stylus::actuator::ActuatedPins;
 use virtual_stylus::model::dac::Output;
-use virtual_stylus::model::pin::{Drive, Driven};
-use virtual_stylus::sensors::{ConstantPins, MID_SCALE as MID_SCALE_WORD};
+use virtual_stylus::model::read_back::{Drive, Driven};
+use virtual_stylus::sensors::{ActuatedPins, ConstantPins, MID_SCALE as MID_SCALE_WORD};
 
 use crate::device::{CODE_NS, CODES, Device, MID_SCALE, MS, PERIOD_NS, inject, product};
 use crate::expected::BEFORE_FIRST_TICK;

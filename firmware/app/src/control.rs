@@ -4,18 +4,16 @@
 //! [`model_format::link`], so that a dispatcher only has to call it. The others are for the poll and the storage.
 
 mod probe;
-mod response;
 
 use core::sync::atomic::AtomicI16;
 
 use model_format::link::{
-    ActivateError, CycleReport, DeviceInfo, LinkCounters, LinkId, MAX_PLAY_GAIN, MAX_PROBE_SAMPLES, Marks,
-    MotionRefused, MotionSample, MotionSource, OutputStatus, PlayError, PlayRequest, Playing, ProposalToken,
-    RecordBlock, RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason, Response, Selection, Settings,
-    SettingsChange, SettingsError, SettingsProposal, SettingsState, SlotId, SlotInfo, StartReport, Status, StopError,
-    TextureName, TickCounters, TickHistogram, UploadState,
+    ActivateError, CycleReport, DeviceInfo, Fault, LinkCounters, LinkId, MAX_PLAY_GAIN, MAX_PROBE_SAMPLES, Marks,
+    MotionRefused, MotionSample, MotionSource, MuteReason, OutputStatus, PlayError, PlayRequest, Playing,
+    ProposalToken, RecordBlock, RecordCounters, RecordError, RecordStarted, RecordStopped, ResetReason, Response,
+    Selection, Settings, SettingsChange, SettingsError, SettingsProposal, SettingsState, SlotId, SlotInfo, StartReport,
+    Status, StopError, TextureName, TickCounters, TickHistogram, UploadState,
 };
-use model_format::link::{Fault, MuteReason};
 use model_format::scene::{Biquad, SceneError, SceneName};
 use model_format::{Library, PlayRate};
 

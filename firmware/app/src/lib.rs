@@ -25,7 +25,6 @@
 extern crate std;
 
 pub mod control;
-pub mod flash;
 pub mod inputs;
 pub mod lease;
 pub mod levels;
@@ -45,6 +44,11 @@ pub mod update;
 pub mod update_requests;
 pub mod upload;
 mod words;
+
+/// Geometry of the STM32H743's flash.
+pub mod flash {
+    pub use stylus_boot::map::{BANK_BYTES, SECTOR_BYTES, WORD_BYTES};
+}
 
 pub use model_format::SAMPLE_RATE_HZ;
 

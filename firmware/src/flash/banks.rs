@@ -38,7 +38,7 @@ use stylus_boot::supply;
 use crate::boot::clock::CORE_HZ;
 use crate::boot::{priority, protection};
 use crate::fault::watchdog;
-use crate::flash::{errors, word};
+use crate::flash::errors::{self, read_word};
 
 /// Longest erasure of a sector: twice the maximum of DS12110 (table 60, parallelism of 8 bits).
 const ERASE_LIMIT: Duration = Duration::from_secs(8);
@@ -134,7 +134,7 @@ fn read(bank: Bank, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
     while !rest.is_empty() {
         let within = at as usize % WORD_BYTES;
         let word = at - within as u32;
-        let read = word::read(word).ok_or(FlashError::Unreadable { address: word })?;
+        let read = read_word(word).ok_or(FlashError::Unreadable { address: word })?;
         let length = rest.len().min(WORD_BYTES - within);
         let (now, later) = rest.split_at_mut(length);
         now.copy_from_slice(&read[within..within + length]);
@@ -169,7 +169,7 @@ fn end(bank: Bank) -> Result<Sr, FlashError> {
 /// carried out. `status` is the status with which the erasure ended.
 async fn check_erased(bank: Bank, offset: u32, status: Sr) -> Result<(), FlashError> {
     for at in (offset..).step_by(WORD_BYTES).take(SECTOR_BYTES / WORD_BYTES) {
-        if word::read(bank.address + at) != Some([0xFF; WORD_BYTES]) {
+        if read_word(bank.address + at) != Some([0xFF; WORD_BYTES]) {
             return Err(FlashError::Refused { status: status.0 });
         }
         if (at as usize).is_multiple_of(WORDS_PER_TURN * WORD_BYTES) {

@@ -1,4 +1,5 @@
-//! Errors that the flash's error-correcting code has corrected or found (RM0433 section 4.3.12).
+//! Reads of a flash word that may be unreadable, and the count of errors that the flash's error-correcting code has
+//! corrected or found (RM0433 section 4.3.12).
 //!
 //! The flags in FLASH_SR show only that there was an error. They are counted here before anything clears them, so
 //! several errors between two looks count as one.
@@ -6,6 +7,7 @@
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use embassy_stm32::pac::FLASH;
+use stylus_app::flash::WORD_BYTES;
 
 /// Counters of one bank.
 struct Counters {
@@ -56,4 +58,17 @@ pub fn counts() -> [Errors; 2] {
             failed: COUNTERS[bank].failed.load(Ordering::Relaxed),
         }
     })
+}
+
+/// The flash word at `address`, a multiple of [`WORD_BYTES`] within the flash; none if it cannot be read.
+pub fn read_word(address: u32) -> Option<[u8; WORD_BYTES]> {
+    let word = stylus_boot::word::read(address);
+    if word.is_none() {
+        // The return value reports the error, so the flags of the error are counted and cleared. Each bank has its own
+        // flags.
+        for bank in 0..2 {
+            take(bank);
+        }
+    }
+    word
 }

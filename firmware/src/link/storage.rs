@@ -25,7 +25,7 @@ use stylus_boot::record;
 use crate::device::{Hardware, NAME};
 use crate::fault::heat;
 use crate::flash::banks::{Bank1, Bank2};
-use crate::flash::word;
+use crate::flash::errors::read_word;
 use crate::link::wire::Wire;
 use crate::self_test::BoardHardware;
 use crate::tick;
@@ -135,7 +135,7 @@ async fn serve(stores: &'static mut Stores, safe_mode: bool) -> ! {
 /// Returns the running image and the key that it trusts; none without a bootloader, for example if a debug probe has
 /// started only the image.
 fn running(takes_unsigned: bool) -> Option<Running> {
-    let word = word::read(map::FLASH + map::BOOTLOADER_VERSION)?;
+    let word = read_word(map::FLASH + map::BOOTLOADER_VERSION)?;
     let [magic, numbers @ ..] = word.first_chunk::<16>()?.as_chunks::<4>().0 else {
         return None;
     };

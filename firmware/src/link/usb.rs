@@ -10,8 +10,7 @@
 use embassy_futures::yield_now;
 use embassy_stm32::pac::{PWR, USB_OTG_FS};
 use embassy_stm32::peripherals::{self, PA11, PA12};
-use embassy_stm32::usb;
-use embassy_stm32::{Peri, bind_interrupts, rcc, uid};
+use embassy_stm32::{Peri, bind_interrupts, rcc, uid, usb};
 use embassy_time::{Duration, Instant, Timer};
 use embassy_usb::driver::{Endpoint, EndpointError, EndpointIn, EndpointOut};
 use embassy_usb::msos::{self, windows_version};
@@ -21,7 +20,7 @@ use static_cell::ConstStaticCell;
 use stylus_board::BOARD;
 
 use crate::link::otg::control::PACKET_BYTES;
-use crate::link::otg::driver::{BulkIn, BulkOut, Driver, Listen, Watch};
+use crate::link::otg::{BulkIn, BulkOut, Driver, Listen, Watch};
 use crate::link::outlet::{ReceiveFrame, SendFrame, USB_COUNTERS};
 
 /// Identifier by which programs on Windows find the interface; generated once, for this interface.

@@ -7,7 +7,6 @@
 pub mod chip;
 mod clocks;
 mod output;
-mod read_back;
 
 use embassy_time::Instant;
 use model_format::link::{

@@ -1,6 +1,10 @@
-//! Attacks that run as long as requested: fuzzers, model checks, tests by random cases, and hostile libraries.
+//! Tests that run as long as requested: attacks, and long use.
 //!
-//! Each round has a seed that determines everything in it, so that the seed suffices to reproduce a failure.
+//! Attacks are fuzzers, model checks, tests by random cases, and hostile libraries. Each round has a seed that
+//! determines everything in it, so that the seed suffices to reproduce a failure.
+//!
+//! Long use is simulated on the virtual stylus: two hosts act at random for hours of the device's time, with random
+//! faults. The test is `tests/image/soak`.
 
 use std::hash::{BuildHasher, RandomState};
 use std::process::Command;
@@ -8,7 +12,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
 
-use crate::{process, workspace};
+use crate::toolchain::Toolchain;
+use crate::{process, virtual_stylus, workspace};
 
 /// Factor on the number of cases of a model check. Without a factor, as in `tests/run`, the tests divide the number by
 /// ten, so a round has forty times as many cases.
@@ -128,6 +133,33 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     println!("{rounds} rounds found nothing");
     Ok(())
+}
+
+/// Options of `cargo tasks soak`.
+#[derive(clap::Args)]
+pub struct SoakArguments {
+    /// Time of the device that the stylus is used: a number with s, m or h
+    #[arg(long = "for", value_name = "TIME", value_parser = duration, default_value = "10m")]
+    time: Duration,
+    /// The seed from which all of it follows, which a failure has named [default: a fresh one]
+    #[arg(long)]
+    seed: Option<u64>,
+}
+
+/// Builds the images and runs the test as long as requested.
+///
+/// # Errors
+/// A build fails, or an invariant does not hold. The message contains the seed.
+pub fn soak(arguments: &SoakArguments) -> Result<()> {
+    let toolchain = Toolchain::find()?;
+    let seed = arguments.seed.unwrap_or_else(|| RandomState::new().hash_one(0));
+    println!("soak, seed {seed}");
+    let variables = [
+        ("STYLUS_SOAK_SECONDS", arguments.time.as_secs()),
+        ("STYLUS_SOAK_SEED", seed),
+    ];
+    let again = || format!("to see it again: cargo tasks soak --seed {seed}");
+    virtual_stylus::soak(&toolchain, variables).with_context(again)
 }
 
 #[cfg(test)]

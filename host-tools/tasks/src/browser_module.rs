@@ -1,18 +1,19 @@
-//! The kernel as a WebAssembly module: built from `host-tools/browser`, kept in the repository for the pages of `stylus
-//! page`, and compared with its sources.
+//! WebAssembly modules for pages: the kernel's and the laboratory's.
 //!
-//! Another compiler builds other bytes. Then the samples are compared instead: both the module that the other compiler
-//! builds and the kept module must play the same samples as the kernel on this computer.
+//! The kernel's is built from `host-tools/browser`, kept in the repository for the pages of `stylus page`, and compared
+//! with its sources. Another compiler builds other bytes. Then the samples are compared instead: both the module that
+//! the other compiler builds and the kept module must play the same samples as the kernel on this computer.
+//!
+//! The laboratory's is built from `host-tools/laboratory`, and is not kept.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, Result, bail};
 
-use crate::process::Progress;
-use crate::toolchain::Toolchain;
-use crate::workspace::Folders;
-use crate::{process, toolchain, workspace};
+use crate::process::{self, Progress};
+use crate::toolchain::{self, Toolchain};
+use crate::workspace::{self, Folders};
 
 /// The compilation target of modules for pages.
 pub const TARGET: &str = "wasm32-unknown-unknown";
@@ -143,6 +144,17 @@ pub fn build(package: &str, profile: &str, progress: Progress) -> Result<Built> 
         bytes,
         compiler: toolchain.compiler_version()?,
     })
+}
+
+/// Builds the laboratory's module and puts it into the one file that a person opens. Returns the path of that file.
+pub fn write_laboratory() -> Result<PathBuf> {
+    let module = build("stylus-laboratory", "laboratory", Progress::Shown)?;
+    let folder = workspace::host_target_folder().join("lab");
+    let path = folder.join("stylus-lab.html");
+    std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
+    let page = stylus_pages::laboratory::page(&module.bytes)?;
+    std::fs::write(&path, page).with_context(|| path.display().to_string())?;
+    Ok(path)
 }
 
 #[cfg(test)]

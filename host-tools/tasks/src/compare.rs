@@ -6,8 +6,7 @@ use kernel_vectors::report::{self as keyword, ARITHMETICS};
 use kernel_vectors::{COST_BUDGETS, PATH_UPDATES, VECTORS, edges, library, run};
 use stylus_kernel::arithmetic::Portable;
 
-use crate::guest::{self, Processor};
-use crate::qemu;
+use crate::qemu::{self, Processor};
 use crate::toolchain::Toolchain;
 
 /// Smallest number of a texture's samples for a valid count of their instructions.
@@ -80,7 +79,7 @@ fn cost(line: &str) -> Option<Cost> {
 /// The toolchain or QEMU is missing, the build or the image fails, or the image's output is not a report.
 pub fn play(processor: Processor) -> Result<EmulatorReport> {
     let toolchain = Toolchain::find()?;
-    let image = guest::build(&toolchain, processor)?;
+    let image = qemu::build_guest(&toolchain, processor)?;
     EmulatorReport::parse(&qemu::run(processor, &image, None)?)
 }
 

@@ -3,7 +3,7 @@
 use anyhow::Result;
 use stylus_board::ALL;
 
-use crate::guest::{self, Processor};
+use crate::qemu::{self, Processor};
 use crate::toolchain::{Toolchain, check_clippy};
 use crate::workspace::Folders;
 use crate::{firmware, process, workspace};
@@ -53,12 +53,12 @@ pub fn check_target(toolchain: &Toolchain) -> Result<()> {
         "fault-injection,debug-halt",
     ]);
     let target_folder = workspace::target_folder(PROCESSOR.name());
-    let mut guest = toolchain.cargo("clippy", &guest::folder(), &target_folder);
+    let mut guest = toolchain.cargo("clippy", &qemu::guest_folder(), &target_folder);
     guest.arg("--release");
     let mut bootloader = firmware::bootloader(toolchain, "clippy", &ALL[0], &Folders::here(firmware::FOLDER));
     for command in [&mut packages, &mut image, &mut bootloader, &mut guest] {
         command.arg("--quiet");
-        command.env("RUSTFLAGS", guest::compiler_flags(PROCESSOR));
+        command.env("RUSTFLAGS", qemu::guest_flags(PROCESSOR));
         process::run(command.arg("--").args(severity(&compiler)))?;
     }
     Ok(())

@@ -10,10 +10,7 @@ use stylus_board::Board;
 use tasks::firmware::Image;
 use tasks::process::Progress;
 use tasks::toolchain::{Toolchain, check_clippy};
-use tasks::{
-    attack, browser_module, firmware, hil, house, laboratory, lint, qemu, release, soak, tables, virtual_stylus,
-    workspace,
-};
+use tasks::{attack, browser_module, firmware, hil, house, lint, qemu, release, tables, virtual_stylus, workspace};
 
 /// Tasks around the microcontroller's core.
 #[derive(Parser)]
@@ -82,7 +79,7 @@ enum Task {
     /// fresh seeds as long as asked
     Attack(attack::Arguments),
     /// Soak test on the virtual stylus: two hosts and random faults, with invariants checked
-    Soak(soak::Arguments),
+    Soak(attack::SoakArguments),
     /// Build the kernel as a page's WebAssembly module, and keep it in host-tools/report/src/rub_page
     BrowserModule {
         /// Keep nothing, and fail if the kept module is not what this builds: byte by byte where the compiler is that
@@ -90,9 +87,9 @@ enum Task {
         #[arg(long)]
         check: bool,
     },
-    /// Build the laboratory, a page that records, fits and plays with nothing installed: target/lab/stylus-lab.html
+    /// Build the a page that records, fits and plays with nothing installed: target/lab/stylus-lab.html
     Lab,
-    /// Build all that a person downloads: laboratory, image, command for three systems, wheel, module, contents and
+    /// Build all that a person downloads: image, command for three systems, wheel, module, contents and
     /// checksums
     Release(release::Arguments),
     /// Lint all code for the target; with the compiler that rust-version names, every warning fails
@@ -133,7 +130,7 @@ fn main() -> ExitCode {
         }
         Task::Hil(arguments) => hil::run(board, &arguments),
         Task::Attack(arguments) => attack::run(&arguments),
-        Task::Soak(arguments) => soak::run(&arguments),
+        Task::Soak(arguments) => attack::soak(&arguments),
         Task::House => check_house(),
         Task::Tables { check: true, .. } => tables::check_instant(),
         Task::Tables { names, .. } => write_tables(names),
@@ -145,7 +142,7 @@ fn main() -> ExitCode {
             };
             done.map(|told| println!("{told}"))
         }
-        Task::Lab => laboratory::write().map(|page| println!("{}", page.display())),
+        Task::Lab => browser_module::write_laboratory().map(|page| println!("{}", page.display())),
         Task::Release(arguments) => release::run(&arguments).map(|folder| println!("{}", folder.display())),
         Task::CheckVirtualStylus => virtual_stylus::lint(),
         Task::CheckTarget => Toolchain::find().and_then(|toolchain| lint::check_target(&toolchain)),

@@ -1,4 +1,4 @@
-//! Running an image on an emulated processor.
+//! Running an image on an emulated processor, and the image that plays the test vectors: `tests/qemu/guest`.
 
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
@@ -11,8 +11,9 @@ use kernel_vectors::job::{self, ADDRESS, Job};
 use kernel_vectors::report::WORDS;
 use wait_timeout::ChildExt;
 
-use crate::guest::Processor;
-use crate::{process, workspace};
+use crate::process;
+use crate::toolchain::Toolchain;
+use crate::workspace::{self, TARGET};
 
 const QEMU: &str = "qemu-system-arm";
 
@@ -118,6 +119,57 @@ fn tail(text: &str) -> String {
     let told = |line: &&str| !line.starts_with(WORDS);
     let lines: Vec<_> = text.lines().filter(told).collect();
     lines[lines.len().saturating_sub(TAIL_LINES)..].join("\n")
+}
+
+/// A processor for which the kernel is built. QEMU emulates each on one of Arm's boards.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Processor {
+    /// The processor of a small stylus.
+    CortexM4,
+    /// The processor of the product's board.
+    CortexM7,
+}
+
+impl Processor {
+    /// All processors.
+    pub const ALL: [Self; 2] = [Self::CortexM4, Self::CortexM7];
+
+    /// Returns the compiler's name of the processor.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::CortexM4 => "cortex-m4",
+            Self::CortexM7 => "cortex-m7",
+        }
+    }
+
+    /// Returns QEMU's name of the board.
+    pub const fn machine(self) -> &'static str {
+        match self {
+            Self::CortexM4 => "mps2-an386",
+            Self::CortexM7 => "mps2-an500",
+        }
+    }
+}
+
+/// Returns the folder of the guest's workspace.
+pub fn guest_folder() -> PathBuf {
+    workspace::root().join("tests/qemu/guest")
+}
+
+/// Returns flags for the compiler: the processor, cortex-m-rt's linker script, and segments without padding to pages.
+pub fn guest_flags(processor: Processor) -> String {
+    let name = processor.name();
+    format!("-C target-cpu={name} -C link-arg=-Tlink.x -C link-arg=--nmagic")
+}
+
+/// Builds the guest, and returns its image.
+pub fn build_guest(toolchain: &Toolchain, processor: Processor) -> Result<PathBuf> {
+    let target_folder = workspace::target_folder(processor.name());
+    let mut cargo = toolchain.cargo("build", &guest_folder(), &target_folder);
+    cargo.args(["--release", "--quiet"]);
+    cargo.env("RUSTFLAGS", guest_flags(processor));
+    process::run(&mut cargo)?;
+    process::built(target_folder.join(TARGET).join("release/kernel-guest"))
 }
 
 #[cfg(test)]

@@ -15,11 +15,11 @@ use stylus_board::{ALL, Board};
 use crate::board::StylusBoard;
 use crate::core::Auditor;
 use crate::electrical::Electrical;
-use crate::error::{Error, Result};
 use crate::model::adc::Pins;
 use crate::model::flash::{BASE, BYTES, Busy, Contents, Kind, Moment, Operation, Unreadable, WORD_BYTES};
 use crate::sensors::ConstantPins;
 use crate::tick::TickWatch;
+use crate::{Error, Result};
 
 /// The name of the tick's handler in the image.
 const TICK_HANDLER: &str = "TIM6_DAC";

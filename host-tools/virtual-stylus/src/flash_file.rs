@@ -7,8 +7,8 @@ use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use crate::error::{Error, Result};
 use crate::model::flash::Contents;
+use crate::{Error, Result};
 
 /// The file, open and locked.
 #[derive(Debug)]

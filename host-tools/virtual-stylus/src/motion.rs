@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use crate::error::{Error, Result};
+use crate::{Error, Result};
 
 const NANOS_PER_SECOND: f64 = 1e9;
 

@@ -11,11 +11,11 @@ use std::net::{Ipv4Addr, TcpListener, TcpStream};
 
 use virtual_link::usb_messages::{FromBus, ToBus, encode, take};
 
-use crate::error::{Error, Result};
 use crate::model::usb::host::{Transfer, TransferId};
 use crate::stylus::VirtualStylus;
 use crate::usb_host::UsbHost;
 use crate::usb_host::descriptor::bulk_endpoints;
+use crate::{Error, Result};
 
 /// A port that is open for connections. No call on it waits.
 #[derive(Debug)]

@@ -14,17 +14,16 @@ use rigless::session::Session;
 use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 
-use crate::board::{StylusBoard, noise};
+use crate::Result;
+use crate::board::{Line, Sent, StylusBoard, noise};
 use crate::core::Audit;
 use crate::emulation::{Command, Hands, Options, PowerCut, start};
-use crate::error::Result;
 use crate::model::adc::{Pins, Sample};
 use crate::model::dac::Output;
 use crate::model::flash::{Contents, Moment, Operation, Stalls};
-use crate::model::pin::Driven;
+use crate::model::read_back::Driven;
 use crate::model::usb::host::Host as UsbHost;
 use crate::motion::Motion;
-use crate::serial::{Line, Sent};
 use crate::tick::Tick;
 
 /// A run of an image.

@@ -6,10 +6,10 @@
 
 use core::borrow::BorrowMut;
 
+use super::Library;
 use super::check::{FedCheck, LinesCheck, NodesCheck, check_header};
 use super::names::Names;
 use super::texture::Texture;
-use super::view::Library;
 use crate::error::{DecodeError, Place, Problem};
 use crate::limits::{MAX_LIBRARY_BYTES, MAX_TEXTURES, STEP_BYTES};
 use crate::scene::limits::MAX_SCENES;

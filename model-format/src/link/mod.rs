@@ -27,7 +27,6 @@ mod status;
 mod tests;
 mod units;
 mod update;
-mod upload;
 
 use postcard_rpc::{TopicDirection, endpoints, standard_icd, topics};
 
@@ -36,8 +35,9 @@ pub use cap::{
 };
 pub use lease::{LeaseStatus, LinkId};
 pub use library::{
-    ActivateError, Activated, LIBRARY_CRC, ListError, ListRequest, Reason, SceneInfo, SlotFault, SlotId, SlotInfo,
-    SlotState, Slots, TextureInfo, TextureName,
+    ActivateError, Activated, CHUNK_ALIGN, FlashOperation, LIBRARY_CRC, ListError, ListRequest, MAX_CHUNK_BYTES,
+    Reason, SceneInfo, SlotFault, SlotId, SlotInfo, SlotState, Slots, TextureInfo, TextureName, UPLOAD_WINDOW,
+    UploadBegin, UploadChunk, UploadCommitted, UploadError, UploadProgress, UploadState,
 };
 pub use play::{
     Arithmetic, MAX_PLAY_GAIN, MUTE_REASON_COUNT, MotionRefused, MotionSample, MotionSource, MuteReason, MuteReasons,
@@ -75,10 +75,6 @@ pub use status::{
 pub use update::{
     DEVELOPMENT_SEED, EXCHANGE_MS, HEADER_BYTES, ImageHeader, ImageVersion, MAX_IMAGE_BYTES, SIGNATURE_BYTES,
     SIGNED_BYTES, TRIAL_MS, UNSIGNED, UpdateBegin, UpdateError, UpdatePhase, UpdateReport,
-};
-pub use upload::{
-    CHUNK_ALIGN, FlashOperation, MAX_CHUNK_BYTES, UPLOAD_WINDOW, UploadBegin, UploadChunk, UploadCommitted,
-    UploadError, UploadProgress, UploadState,
 };
 
 /// Version of the protocol. It changes when the meaning of a message changes, even if the message's type stays the

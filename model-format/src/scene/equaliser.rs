@@ -3,7 +3,7 @@
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-use super::error::SceneProblem;
+use super::SceneProblem;
 use super::limits::{MAX_EQUALISER_GAIN, MAX_POLE_RADIUS_1024THS, MAX_SECTIONS};
 
 /// A section of second order, `(b0 + b1 z⁻¹ + b2 z⁻²) / (1 + a1 z⁻¹ + a2 z⁻²)`.

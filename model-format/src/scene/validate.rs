@@ -1,7 +1,6 @@
 //! The check of a scene.
 
-use super::error::{SceneError, ScenePlace, SceneProblem};
-use super::{MotionOfScene, Scene, StickSlip, Surface, Tap, equaliser, limits};
+use super::{MotionOfScene, Scene, SceneError, ScenePlace, SceneProblem, StickSlip, Surface, Tap, equaliser, limits};
 use crate::library::{Library, Texture};
 use crate::limits::{MAX_OUTPUT_POWER, MAX_SAMPLE_RATE_HZ};
 

@@ -8,7 +8,6 @@ mod damage;
 mod faults;
 mod faults_of_parts;
 mod fed;
-mod limits;
 mod round_trip;
 mod scenes;
 mod walk;

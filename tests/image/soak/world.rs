@@ -13,14 +13,13 @@ use virtual_stylus::Options;
 use virtual_stylus::chance::Chance;
 use virtual_stylus::model::flash::{Contents, Stalls};
 
-use super::pin::{Limits, Pin};
+use super::{Limits, Pin};
 use crate::device::{Device, MS, product, with_faults};
-use crate::library;
-use crate::marks;
 use crate::requests::{announced, assert_on_time};
-use crate::scenes;
 use crate::self_test::quiet;
+use crate::ticks::check_bounds;
 use crate::update::{EXCHANGE_NS, active as active_image, image};
+use crate::{library, scenes};
 
 /// Ticks per millisecond.
 const TICKS_PER_MS: u64 = 5;
@@ -423,7 +422,7 @@ impl World {
         let faulted = status.output.mute_counts[MuteReason::Fault as usize];
         assert_eq!(faulted, 0, "mutes by faults");
         self.counters(&status);
-        marks::check_bounds(status.marks);
+        check_bounds(status.marks);
         let now: Figures = [
             status.marks.stack_used_bytes,
             status.marks.longest_tick_delay_cycles,

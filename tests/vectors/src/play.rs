@@ -6,9 +6,8 @@ use stylus_kernel::arithmetic::Arithmetic;
 use stylus_kernel::scene::{Interaction, Plan, ScenePlayer};
 use stylus_kernel::{Synthesis, UPDATE_INTERVAL_SAMPLES};
 
-use crate::path::motion;
 use crate::scenes::side_by_side;
-use crate::textures::Vector;
+use crate::textures::{Vector, motion};
 
 /// The reason why a texture cannot be played.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]

@@ -12,14 +12,13 @@
 //! noise of one conversion. One of 10⁹ Gaussian values lies above 6 deviations, which is one false contact in 23 days.
 //! Contact ends at 3 deviations.
 //!
-//! **Lines that are tied to position** need a finer position than whole counts, without a delay. The [`tracker`]
-//! computes it with the same estimator.
+//! **Lines that are tied to position** need a finer position than whole counts, without a delay. The
+//! [`Tracker`] computes it with the same estimator.
 //!
 //! An input that is older than [`STALE_TICKS`] is stale and mutes the output. A force at a rail of the converter, see
 //! [`RAIL_CODES`], is not used: contact ends at once, and the motion becomes stale.
 
 pub mod estimator;
-pub mod tracker;
 
 pub use model_format::link::RAIL_CODES;
 use model_format::link::{MotionRefused, MotionSample, MotionSource, STALE_AFTER_MS, Setting, Settings};
@@ -29,7 +28,7 @@ use stylus_kernel::{Motion, MotionError};
 
 use crate::{SAMPLE_RATE_HZ, TICKS_PER_MS, UPDATE_INTERVAL_TICKS};
 pub use estimator::Estimator;
-use tracker::{HostMotion, Tracker};
+use estimator::{HostMotion, Tracker};
 
 /// Greatest age of an input that is not stale, ticks.
 pub const STALE_TICKS: u64 = (STALE_AFTER_MS * TICKS_PER_MS) as u64;

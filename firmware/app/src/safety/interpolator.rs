@@ -32,7 +32,7 @@
 
 use core::hint::black_box;
 
-use super::fixed::{CODE_BITS, OVERSAMPLING, STEP_BITS};
+use super::{CODE_BITS, OVERSAMPLING, STEP_BITS};
 
 /// Binary digits of a tap after the point.
 const TAP_BITS: u32 = 31;

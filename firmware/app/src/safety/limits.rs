@@ -3,7 +3,7 @@
 use model_format::DacCode;
 use model_format::link::{Setting, Settings};
 
-use super::fixed::{OVERSAMPLING, PIN_RATE_HZ, within};
+use super::{OVERSAMPLING, PIN_RATE_HZ, within};
 
 /// Limits of the codes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -22,27 +22,25 @@
 //! A sample is processed in integer arithmetic, along the same path whatever its value. [`Config`] is computed from
 //! settings, in floating-point operations that IEEE 754 defines to the last bit, so that host and device put out the
 //! same codes.
+//!
+//! The units of the stages, and the ramp of soft start and mute, are here.
 
-mod fixed;
 mod interpolator;
 mod limits;
-mod ramp;
 mod shaper;
 mod thermal;
 
-use model_format::link::{OutputLimits, Setting, Settings};
-use model_format::{DacCode, OutputSample, PlayRate};
-use stylus_kernel::dc_blocker::{self, DcBlocker};
-use stylus_kernel::fixed::shift_toward_zero;
-
-use fixed::STEP_BITS;
 use interpolator::Interpolator;
 use limits::{Cut, LimitConfig, Pin};
-use ramp::{Ramp, RampConfig};
+use model_format::link::{OutputLimits, Setting, Settings};
+use model_format::{DacCode, OutputSample, PlayRate};
 use shaper::Shaper;
+use stylus_kernel::dc_blocker::{self, DcBlocker};
+use stylus_kernel::fixed::shift_toward_zero;
 use thermal::{CoilConfig, CoilState};
 
-pub use fixed::{OVERSAMPLING, PIN_RATE_HZ};
+use crate::SAMPLE_RATE_HZ;
+
 pub use thermal::{Heat, MOST_HELD_TICKS, PEAK_POWER_RATIO};
 
 /// Binary digits after the point of the gain.
@@ -318,5 +316,86 @@ impl Counters {
         self.hard_limited = self.hard_limited.saturating_add(u32::from(hard));
         self.slew_limited = self.slew_limited.saturating_add(u32::from(slew));
         self.thermally_limited = self.thermally_limited.saturating_add(u32::from(thermal));
+    }
+}
+
+/// Number of codes for the converter per tick. They are put out at equal intervals.
+pub const OVERSAMPLING: usize = 8;
+
+/// Codes per second at the pin.
+pub const PIN_RATE_HZ: u32 = SAMPLE_RATE_HZ * OVERSAMPLING as u32;
+
+/// Binary digits after the point of the values between the stages of a tick, which are in converter steps of 2^-16.
+const STEP_BITS: u32 = 16;
+
+/// Binary digits after the point of the interpolator's outputs.
+const CODE_BITS: u32 = 15;
+
+/// The nearest whole step, for a `value` in 2^-[`CODE_BITS`] that is at most 2^30.
+#[inline(always)]
+fn round_to_step(value: i32) -> i32 {
+    (value + (1 << (CODE_BITS - 1))) >> CODE_BITS
+}
+
+/// `value` limited to `low`..=`high`, where `high` is not below `low`. Unlike `clamp` it has no branch that panics.
+#[inline(always)]
+fn within(value: i32, low: i32, high: i32) -> i32 {
+    value.max(low).min(high)
+}
+
+/// A gain of one, of the ramp.
+const RAMP_ONE: i32 = 1 << 30;
+const RAMP_BITS: u32 = 30;
+
+/// Soft start and mute: a gain that goes in equal steps between exactly zero and exactly one. Steps of the gain per
+/// sample, up and down.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct RampConfig {
+    up: i32,
+    down: i32,
+}
+
+impl RampConfig {
+    fn new(settings: &Settings, rate: PlayRate) -> Self {
+        let step = |setting| {
+            // Rounded up, so that a ramp takes no longer than its setting.
+            let samples = settings.get(setting) * rate.hz() as f32 / 1e3;
+            (RAMP_ONE as f32 / samples) as i32 + 1
+        };
+        Self {
+            up: step(Setting::SoftStart),
+            down: step(Setting::MuteRamp),
+        }
+    }
+
+    /// Number of samples from one to zero.
+    fn down_samples(self) -> u32 {
+        (RAMP_ONE as u32).div_ceil(self.down as u32)
+    }
+}
+
+/// The present gain of the ramp.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Ramp {
+    gain: i32,
+}
+
+impl Ramp {
+    const fn new() -> Self {
+        Self { gain: 0 }
+    }
+
+    /// `input` times the gain, which first goes a step down if `muted`, and up otherwise.
+    #[inline(always)]
+    fn next(&mut self, config: RampConfig, input: i64, muted: bool) -> i64 {
+        let step = if muted { -config.down } else { config.up };
+        // A step is at most a fifth, so the sum does not overflow.
+        self.gain = (self.gain + step).clamp(0, RAMP_ONE);
+        shift_toward_zero(input * i64::from(self.gain), RAMP_BITS)
+    }
+
+    /// Returns true if the gain is exactly zero.
+    fn is_down(self) -> bool {
+        self.gain == 0
     }
 }

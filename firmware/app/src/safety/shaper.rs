@@ -8,7 +8,7 @@
 //!
 //! Only the error of rounding is fed back. What the limits cut from a code is not, so nothing winds up.
 
-use super::fixed::{CODE_BITS, round_to_step};
+use super::{CODE_BITS, round_to_step};
 
 /// Position of the upper zeros: the coefficients of the last two errors are ±(3 - 2^-`ZERO_BITS`).
 const ZERO_BITS: u32 = 6;

@@ -17,7 +17,7 @@ use model_format::DacCode;
 use model_format::link::{MAX_PIN_MEAN_SQUARE, OutputLimits, Setting, Settings};
 use stylus_kernel::fixed::shift_toward_zero;
 
-use super::fixed::OVERSAMPLING;
+use super::OVERSAMPLING;
 use crate::SAMPLE_RATE_HZ;
 
 /// Largest instantaneous power, in units of the power limit: a Gaussian signal at the limit is cut at four times its

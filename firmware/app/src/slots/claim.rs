@@ -9,14 +9,8 @@
 use model_format::link::{SlotFault, SlotId, SlotInfo, SlotState};
 use stylus_boot::record::is_newer;
 
-use super::header::{HEADER_OFFSET, Header};
-use super::permit::{Claim, LastLibrary};
+use super::header::{HEADER_OFFSET, Header, STEADY_READS};
 use super::{MappedFlash, SlotStore};
-
-/// Number of times that each word of the library that stays must read the same. A word that reads right half of the
-/// time passes once in a million times. For a full slot this takes about a tenth of a second, as estimated from the
-/// number of loads.
-pub(super) const STEADY_READS: usize = 20;
 
 /// Number of times that a slot which could not be read is read again before it is claimed.
 const SECOND_CHANCES: usize = 4;
@@ -116,4 +110,25 @@ impl<F: MappedFlash> SlotStore<F> {
             self.highest = Some(header.sequence);
         }
     }
+}
+
+/// Permission to erase and write a slot. Only `SlotStore::claim` grants it. It cannot be copied, so that nothing is
+/// erased with a claim that has ended.
+#[derive(Debug)]
+pub(crate) struct Claim {
+    pub(super) slot: SlotId,
+}
+
+impl Claim {
+    /// The slot.
+    pub(crate) const fn slot(&self) -> SlotId {
+        self.slot
+    }
+}
+
+/// Refusal of a claim, because the slot holds the last library that can be read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct LastLibrary {
+    /// The slot.
+    pub(crate) slot: SlotId,
 }

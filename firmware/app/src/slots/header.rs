@@ -1,16 +1,26 @@
 //! Header of a slot: one flash word, which is programmed at once. Its checksum shows a programming that was cut.
+//!
+//! **Copies.** A commit writes two such words, and a start adds another while fewer than two are whole. A word whose
+//! programming was cut at its very end may read right at one start and wrong at the next, so that the newest library
+//! would come and go. No number of reads proves such a word whole, but a second word does without it.
 
 use crc::{CRC_32_ISO_HDLC, Crc};
-use model_format::limits::MAX_LIBRARY_BYTES;
+use model_format::limits::{MAX_LIBRARY_BYTES, SLOT_BYTES};
+use model_format::link::SlotId;
 use serde::{Deserialize, Serialize};
 
-use crate::flash::WORD_BYTES;
+use super::{MappedFlash, SlotStore, WORD_BYTES, address};
 
 /// Version of the header. It changes when an older firmware could misread a newer slot.
 pub const HEADER_VERSION: u16 = 1;
 
 /// Offset of the header in its slot.
 pub const HEADER_OFFSET: u32 = MAX_LIBRARY_BYTES as u32;
+
+/// Number of times that each word of the library that stays must read the same. A word that reads right half of the
+/// time passes once in a million times. For a full slot this takes about a tenth of a second, as estimated from the
+/// number of loads.
+pub(super) const STEADY_READS: usize = 20;
 
 const MAGIC: [u8; 4] = *b"HTXS";
 static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
@@ -94,6 +104,75 @@ impl Header {
             length: fields.length,
             crc32: fields.crc32,
         })
+    }
+}
+
+/// Number of words that hold a header.
+const COPIES: usize = 2;
+
+/// The header of a slot, as its words show it.
+pub(super) struct Copies {
+    /// Content of a word with a header, or else of the first word; none if the first word cannot be read.
+    pub(super) word: Option<HeaderWord>,
+    /// Number of words that hold a header at each of [`STEADY_READS`] reads.
+    pub(super) whole: usize,
+    /// Offset of the first word that was never written.
+    next: u32,
+}
+
+impl Copies {
+    /// The header, if a read of any word has found it.
+    pub(super) fn header(&self) -> Option<Header> {
+        match self.word {
+            Some(HeaderWord::Header(header)) => Some(header),
+            _ => None,
+        }
+    }
+}
+
+impl<F: MappedFlash> SlotStore<F> {
+    /// Reads the words of the header of `slot`, each [`STEADY_READS`] times. A header that one read finds was written,
+    /// because its checksum is right.
+    pub(super) async fn copies(&mut self, slot: SlotId) -> Copies {
+        let mut copies = Copies {
+            word: None,
+            whole: 0,
+            next: HEADER_OFFSET,
+        };
+        while copies.next < SLOT_BYTES as u32 {
+            let [mut right, mut blank] = [0; 2];
+            for _ in 0..STEADY_READS {
+                let word = self.word(slot, copies.next).await;
+                let word = word.map(|word| Header::read(&word));
+                let is_header = matches!(word, Some(HeaderWord::Header(_)));
+                if is_header || copies.next == HEADER_OFFSET && copies.header().is_none() {
+                    copies.word = word;
+                }
+                right += usize::from(is_header);
+                blank += usize::from(word == Some(HeaderWord::Blank));
+            }
+            if blank == STEADY_READS {
+                break;
+            }
+            copies.whole += usize::from(right == STEADY_READS);
+            copies.next += WORD_BYTES as u32;
+        }
+        copies
+    }
+
+    /// Writes `header` into a further word of `slot`, unless enough words hold it. Words that do not take it are passed
+    /// over.
+    pub(super) async fn renew(&mut self, slot: SlotId, header: Header, copies: &Copies) {
+        if copies.whole >= COPIES {
+            return;
+        }
+        let word = header.word();
+        for offset in (copies.next..SLOT_BYTES as u32).step_by(WORD_BYTES) {
+            let written = self.flash.write(address(slot, offset), &word).await.is_ok();
+            if written && self.word(slot, offset).await == Some(word) {
+                return;
+            }
+        }
     }
 }
 

@@ -11,9 +11,7 @@
 //! Nothing is erased without a `Claim` on its slot, which is refused for the last library that can be read.
 
 mod claim;
-mod copies;
 mod header;
-mod permit;
 
 use core::ops::Range;
 
@@ -30,10 +28,9 @@ use stylus_boot::record::is_newer;
 use crate::words::in_words;
 
 pub use crate::flash::WORD_BYTES;
-use copies::Copies;
+pub(crate) use claim::{Claim, LastLibrary};
 pub use header::HEADER_VERSION;
-use header::{HEADER_OFFSET, Header, HeaderWord};
-pub(crate) use permit::{Claim, LastLibrary};
+use header::{Copies, HEADER_OFFSET, Header, HeaderWord};
 
 #[cfg(doc)]
 use embedded_storage_async::nor_flash::ReadNorFlash;

@@ -6,7 +6,7 @@ use fake_stylus::device::settings_with;
 use model_format::link::{MotionSample, MotionSource, Setting};
 use model_format::{AdcCode, MillimetresPerSecond, Newton};
 use stylus_app::SAMPLE_RATE_HZ;
-use stylus_app::inputs::tracker::LEAD_TICKS;
+use stylus_app::inputs::estimator::LEAD_TICKS;
 use stylus_app::inputs::{Encoder, Estimator, Follower, InputConfig, Sensors, Timed, choose};
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use stylus_kernel::position::Position;

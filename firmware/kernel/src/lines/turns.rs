@@ -62,7 +62,7 @@ impl Turns {
 
 #[cfg(test)]
 mod tests {
-    use super::super::voice::LONGEST;
+    use super::super::LONGEST;
     use super::*;
     use proptest::prelude::*;
 

@@ -8,7 +8,7 @@ use core::fmt;
 use heapless::Vec;
 use model_format::{PlayRate, Texture};
 
-use super::block::{MAX_STAGES, SLOTS};
+use super::playback::{MAX_STAGES, SLOTS};
 
 /// Instructions of every sample: the list of stages, the sum of voices, its saturation. For an empty list 22 suffice.
 pub const MIX: StageCost = StageCost { base: 70, each: 0 };

@@ -1,10 +1,9 @@
 //! The half of a scene that decides, once per block, at a lower priority than the tick.
 
-use super::block::{Block, SLOTS, Stage};
 use super::interaction::Interaction;
 use super::path::Located;
 use super::plan::Plan;
-use super::playback::Ringing;
+use super::playback::{Block, Ringing, SLOTS, Stage};
 use super::slots::{Moment, Slots, Voices, Wanted};
 use super::tap::{Resonance, Strike};
 use crate::grid::{Motion, ONE};

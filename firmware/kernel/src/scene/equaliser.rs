@@ -10,7 +10,7 @@
 //! The biquad itself is not played, because a direct recursion, truncated or rounded, may ring forever without an
 //! input. Error feedback moves that noise elsewhere but does not end it. Here no rotation lengthens its vector (cos² +
 //! sin² ≤ 2⁶² in the integers) and products are truncated toward zero, so that the state decays to exact zero, whatever
-//! the poles and however they change; `tests/kernel/silence.rs` has the proof. The taps are not recursive.
+//! the poles and however they change; `tests/kernel/lattice.rs` has the proof. The taps are not recursive.
 //!
 //! Internal signals have steps of 2⁻¹⁵ m/s² and 32 times the output's full scale. A section at the limit of the poles'
 //! radius raises a full-scale tone to this level within its lattice.

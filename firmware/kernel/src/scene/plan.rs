@@ -8,9 +8,9 @@ use model_format::{Library, MillimetresPerSecond, Newton, Texture};
 use super::cost::{self, Cost, Item, OverBudget, Term};
 use super::equaliser::Equaliser;
 use super::path::{Located, Path};
+use super::playback::Wave;
 use super::stick_slip::StickSlipWindow;
 use super::tap::Resonance;
-use super::wave::Wave;
 use crate::grid::{Motion, ONE};
 use crate::synthesis::update_interval_samples;
 

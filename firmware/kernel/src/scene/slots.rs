@@ -10,8 +10,8 @@
 
 use model_format::Texture;
 
-use super::block::{Block, SLOTS, Stage, VoiceStage};
 use super::plan::Plan;
+use super::playback::{Block, SLOTS, Stage, VoiceStage};
 use super::stick_slip::StickSlipFrame;
 use crate::arithmetic::Arithmetic;
 use crate::excitation::hashed;

@@ -6,8 +6,7 @@ use stylus_kernel::scene::{Plan, ScenePlayer};
 use stylus_kernel::{MAX_FED_SAMPLES, Motion, Synthesis, UPDATE_INTERVAL_SAMPLES};
 
 use crate::fed::{all_parts, encoded, fed_h3};
-use crate::models::{motion, texture};
-use crate::scenes::{at, lifted, resonant, side_by_side, tap};
+use crate::models::{at, lifted, motion, resonant, side_by_side, tap, texture};
 
 /// Strategy of motions. Each moment has a speed, mm/s, a force, N, the samples until the next moment, and the length of
 /// the first block.

@@ -10,8 +10,7 @@ use stylus_kernel::feed::{FED_FRACTION_BITS, Feed, Material};
 use stylus_kernel::grid::GridPoint;
 use stylus_kernel::{MAX_FED_SAMPLES, Synthesis};
 
-use crate::models::{fixture, motion, texture};
-use crate::scenes::texture_of;
+use crate::models::{fixture, motion, texture, texture_of};
 
 /// One standard deviation of a fed excitation.
 pub const SIGMA: f64 = (1u32 << FED_FRACTION_BITS) as f64;

@@ -11,8 +11,7 @@ use stylus_kernel::feed::{FED_FRACTION_BITS, FED_HEADROOM_BITS};
 use stylus_kernel::lattice::LatticeState;
 
 use crate::fed::{alternating, bare_of, encoded, excitation, impulsive, of, spikes, values};
-use crate::models::{Model, fixtures, motion, rotation, texture};
-use crate::scenes::texture_of;
+use crate::models::{Model, fixtures, motion, rotation, texture, texture_of};
 
 const SIGMA: f64 = (1u32 << FED_FRACTION_BITS) as f64;
 

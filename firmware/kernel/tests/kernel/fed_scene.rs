@@ -9,8 +9,7 @@ use stylus_kernel::scene::ScenePlayer;
 use stylus_kernel::{Frame, Levels, Playback};
 
 use crate::fed::{all_parts, alternating, bare, bare_of, decibels, encoded, fed_h3, mean_square};
-use crate::models::{motion, texture};
-use crate::scenes::{at, block, lifted, moving, plan, resonant, side_by_side};
+use crate::models::{at, block, lifted, motion, moving, plan, resonant, side_by_side, texture};
 
 /// A plain texture, and fed ones that differ in their parts.
 fn textures() -> Vec<TextureSpec> {

@@ -11,8 +11,7 @@ use stylus_kernel::scene::cost::Item;
 use stylus_kernel::scene::{Interaction, Plan, ScenePlayer, Stage};
 use stylus_kernel::{Motion, Synthesis, UPDATE_INTERVAL_SAMPLES};
 
-use crate::models::{fixture, motion, spec, texture as only_texture};
-use crate::scenes::side_by_side;
+use crate::models::{fixture, motion, side_by_side, spec, texture as only_texture};
 
 const RATE: f64 = SAMPLE_RATE_HZ as f64;
 const BLOCK: usize = UPDATE_INTERVAL_SAMPLES as usize;

@@ -16,8 +16,6 @@ mod scene;
 mod scene_effects;
 mod scene_hard;
 mod scene_path;
-mod scenes;
-mod silence;
 mod start;
 mod synthesis;
 mod theta;

@@ -9,9 +9,8 @@ use stylus_kernel::scene::{ContactDetector, ContactThreshold, Interaction, Plan,
 use stylus_kernel::{MAX_FED_SAMPLES, Motion, Synthesis, UPDATE_INTERVAL_SAMPLES};
 
 use crate::fed_scene;
-use crate::models::motion;
-use crate::scenes::{
-    at, biquad, block, largest_step, library, lifted, moving, name, peak, plan, player, side_by_side, tap,
+use crate::models::{
+    at, biquad, block, largest_step, lifted, motion, moving, name, peak, plan, player, scene_library, side_by_side, tap,
 };
 
 fn single(texture: u8) -> Scene {
@@ -47,7 +46,7 @@ proptest! {
         seed: u64,
         steps in vec((any_motion(), 1..=MAX_FED_SAMPLES as u32, 1usize..4), 1..30),
     ) {
-        for bytes in [library(&[]), fed_scene::library()] {
+        for bytes in [scene_library(&[]), fed_scene::library()] {
             for (index, texture) in Library::decode(&bytes).expect("a valid library").textures().enumerate() {
                 let mut synthesis: Synthesis<'_> = Synthesis::new(texture, seed);
                 let mut plain: ScenePlayer<'_> = ScenePlayer::new(Plan::of_texture(texture), seed);
@@ -74,7 +73,7 @@ proptest! {
 
 #[test]
 fn at_constant_motion_the_frame_is_computed_once() {
-    let bytes = library(&[]);
+    let bytes = scene_library(&[]);
     let mut scene = single(2);
     scene.motion = MotionOfScene::Constant {
         speed_mm_s: 75.0,
@@ -94,7 +93,7 @@ fn at_constant_motion_the_frame_is_computed_once() {
 
 #[test]
 fn a_gain_of_zero_and_a_surface_without_a_texture_run_no_voice() {
-    let bytes = library(&[]);
+    let bytes = scene_library(&[]);
     let mut mute = single(2);
     mute.surfaces[0].gain = 0.0;
     let mut smooth = single(2);
@@ -112,7 +111,7 @@ fn a_gain_of_zero_and_a_surface_without_a_texture_run_no_voice() {
 /// A gain of two is 6 dB, to the precision of the level's 2⁻¹⁶; a ramp of ten samples may be short by nine steps.
 #[test]
 fn a_gain_scales_every_sample() {
-    let bytes = library(&[]);
+    let bytes = scene_library(&[]);
     for texture in 0..4 {
         let mut louder = single(texture);
         louder.surfaces[0].gain = 2.0;
@@ -135,7 +134,7 @@ fn a_gain_scales_every_sample() {
 
 #[test]
 fn two_voices_run_only_while_a_transition_lasts() {
-    let bytes = library(&[]);
+    let bytes = scene_library(&[]);
     let scene = side_by_side(&[2, 3], 10.0);
     let mut player = player(&bytes, &scene, 6);
     let mut most = 0;
@@ -154,7 +153,7 @@ fn two_voices_run_only_while_a_transition_lasts() {
 
 #[test]
 fn boundaries_make_no_step_larger_than_the_signals_own() {
-    let bytes = library(&[]);
+    let bytes = scene_library(&[]);
     for transition_mm in [0.0, 0.5, 5.0] {
         let scene = side_by_side(&[0, 1], transition_mm);
         let mut own = (0.0f64, 0.0f64);
@@ -182,7 +181,7 @@ fn boundaries_make_no_step_larger_than_the_signals_own() {
 
 #[test]
 fn scenes_are_exchanged_without_a_step_within_four_blocks() {
-    let bytes = library(&[]);
+    let bytes = scene_library(&[]);
     let mut ringing = single(0);
     ringing.surfaces[0].tap = Some(tap(100.0, 0.2));
     ringing.equaliser.push(biquad(80.0, 0.97, 0.95)).expect("room");
@@ -212,7 +211,7 @@ fn scenes_are_exchanged_without_a_step_within_four_blocks() {
 
 #[test]
 fn the_worst_case_counts_what_can_sound_at_a_time_and_nothing_else() {
-    let bytes = library(&[]);
+    let bytes = scene_library(&[]);
     let items = |scene: &Scene| -> Vec<Item> {
         plan(&bytes, scene)
             .worst_case()
@@ -253,7 +252,7 @@ const STICK_SLIP: StickSlip = StickSlip {
 
 #[test]
 fn a_plan_over_the_budget_is_refused_with_the_arithmetic() {
-    let bytes = library(&[]);
+    let bytes = scene_library(&[]);
     let plan = plan(&bytes, &side_by_side(&[2, 3], 1.0));
     let needed = plan.worst_case().instructions();
     assert!(plan.within(needed).is_ok());
@@ -273,7 +272,7 @@ fn a_plan_over_the_budget_is_refused_with_the_arithmetic() {
 
 #[test]
 fn stick_slip_comes_with_slow_and_heavy_strokes_only() {
-    let bytes = library(&[]);
+    let bytes = scene_library(&[]);
     let scene = sticking();
     let mut player = player(&bytes, &scene, 2);
     let mut position = 0.0;
@@ -299,7 +298,7 @@ fn stick_slip_comes_with_slow_and_heavy_strokes_only() {
 /// At 20 mm/s and a period of 1 mm there are 20 slips per second.
 #[test]
 fn stick_slip_has_the_period_of_the_path() {
-    let bytes = library(&[]);
+    let bytes = scene_library(&[]);
     let scene = sticking();
     let (mut modulated, mut plain) = (player(&bytes, &scene, 2), player(&bytes, &single(2), 2));
     let mut energies = [(0.0, 0.0); 25];
@@ -340,7 +339,7 @@ fn contact_has_a_hysteresis() {
 /// The tool comes down at each of the ten samples between two updates, and its force rises for 6 ms.
 #[test]
 fn a_tap_is_as_loud_wherever_between_two_updates_contact_falls() {
-    let bytes = library(&[]);
+    let bytes = scene_library(&[]);
     let scene = tapped();
     let peak_at = |phase: u16| {
         let mut player = player(&bytes, &scene, 1);
@@ -364,7 +363,7 @@ fn a_tap_is_as_loud_wherever_between_two_updates_contact_falls() {
 /// A tap on a smooth surface: silence, then a transient that begins at zero.
 #[test]
 fn a_tap_sounds_on_contact_alone_and_scales_with_the_rate_of_force() {
-    let bytes = library(&[]);
+    let bytes = scene_library(&[]);
     let scene = tapped();
     let peak_at = |force: f32| {
         let mut player = player(&bytes, &scene, 1);

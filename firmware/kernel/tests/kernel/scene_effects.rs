@@ -11,8 +11,7 @@ use stylus_kernel::excitation::Excitation;
 use stylus_kernel::grid::ONE;
 use stylus_kernel::scene::{Equaliser, EqualiserState, Resonance, StickSlipState, StickSlipWindow, Strike, TapState};
 
-use crate::models::motion;
-use crate::scenes::biquad;
+use crate::models::{biquad, motion};
 
 /// Output steps in 1 m/s².
 const UNIT: f64 = (1u32 << OutputSample::FRACTION_BITS) as f64;

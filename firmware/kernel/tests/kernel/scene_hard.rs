@@ -7,9 +7,8 @@ use proptest::prelude::*;
 use stylus_kernel::Motion;
 use stylus_kernel::scene::{Interaction, SLOTS};
 
-use crate::models::motion;
-use crate::scenes::{
-    add_region, at, biquad, block, library, lifted, moving, name, peak, plan, player, side_by_side, tap,
+use crate::models::{
+    add_region, at, biquad, block, lifted, motion, moving, name, peak, plan, player, scene_library, side_by_side, tap,
 };
 
 /// A surface with every effect.
@@ -41,7 +40,7 @@ fn blocks_to_silence(player: &mut stylus_kernel::scene::ScenePlayer<'_>, limit: 
 /// Contact and lift alternate, 200 and 250 times per second, for two seconds.
 #[test]
 fn contact_that_bounces_stays_within_bounds_and_ends_in_silence() {
-    let bytes = library(&[]);
+    let bytes = scene_library(&[]);
     // In blocks of 2 ms: contact in two of five, and in one of two.
     for touches_at in [|n: u32| n * 2 % 5 < 2, |n: u32| n.is_multiple_of(2)] {
         let mut player = player(&bytes, &busy(), 13);
@@ -64,7 +63,7 @@ fn contact_that_bounces_stays_within_bounds_and_ends_in_silence() {
 
 #[test]
 fn motion_that_stops_dead_is_silent_a_block_later_and_rings_out() {
-    let bytes = library(&[]);
+    let bytes = scene_library(&[]);
     for scene in [side_by_side(&[2, 3], 5.0), busy()] {
         let mut player = player(&bytes, &scene, 17);
         let mut sounding = 0.0f64;
@@ -162,7 +161,7 @@ proptest! {
     fn no_scene_and_no_hand_breaks_a_promise(
         scene in any_scene(), second in any_scene(), interactions in any_interactions(), seed: u64,
     ) {
-        let bytes = library(&[]);
+        let bytes = scene_library(&[]);
         // Two voices of at most 2 m/s² RMS and 8 deviations, the taps' limit, and the equaliser's largest gain.
         let equalised = !(scene.equaliser.is_empty() && second.equaliser.is_empty());
         let bound = (2.0 * 16.0 + 20.0) * if equalised { 40.0 } else { 1.0 };
@@ -193,7 +192,7 @@ proptest! {
 /// A jump to a third surface waits for a slot, at most two blocks, and never uses a third voice.
 #[test]
 fn jumps_between_sixteen_surfaces_are_followed_within_three_blocks() {
-    let bytes = library(&[]);
+    let bytes = scene_library(&[]);
     let scene = side_by_side(&[0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3], 5.0);
     let mut player = player(&bytes, &scene, 21);
     for n in 0..500u32 {

@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use stylus_kernel::grid::ONE;
 use stylus_kernel::scene::{Located, Path};
 
-use crate::scenes::{add_region, name, side_by_side};
+use crate::models::{add_region, name, side_by_side};
 
 /// Regions of any lengths, some of which touch, and a transition.
 fn any_path() -> impl Strategy<Value = Path> {

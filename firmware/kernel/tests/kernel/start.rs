@@ -11,8 +11,9 @@ use stylus_kernel::rotation::Rotation;
 use stylus_kernel::scene::{Interaction, Plan, ScenePlayer};
 
 use crate::fed::{decibels, mean_square};
-use crate::models::{fixture, lattice, motion, rotation, texture};
-use crate::scenes::{at, block, lifted, moving, player, side_by_side, texture_of};
+use crate::models::{
+    at, block, fixture, lattice, lifted, motion, moving, player, rotation, side_by_side, texture, texture_of,
+};
 
 /// Blocks of the first 20 ms.
 const FIRST_BLOCKS: usize = 10;

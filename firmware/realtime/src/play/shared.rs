@@ -11,7 +11,7 @@ use critical_section::CriticalSection;
 
 /// A value that an interrupt handler owns. The handler has exclusive access while it runs, because nothing that
 /// interrupts it touches the value. Tasks access it with interrupts masked, for less than 5 µs
-/// (`tests/image/marks.rs`).
+/// (`tests/image/ticks.rs`).
 pub struct OfHandler<T>(UnsafeCell<T>);
 
 // SAFETY: the methods below give one reference at a time.

@@ -19,7 +19,6 @@ mod prepared;
 mod results;
 mod run;
 mod still;
-mod structure;
 
 use stylus_dsp::spectrum;
 use stylus_fit::fit::conditioning::Conditioning;

@@ -9,7 +9,7 @@
 
 use std::f64::consts::TAU;
 
-use model_format::{FINE_THETA_STEP_RAD, MillimetresPerSecond, Newton, Texture};
+use model_format::{FINE_THETA_STEP_RAD, MillimetresPerSecond, Newton, SAMPLE_RATE_HZ, Texture};
 use serde::Serialize;
 use stylus_dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT, band_powers};
 use stylus_fit::texture::quantise::rms_m_s2;
@@ -17,9 +17,7 @@ use stylus_kernel::Motion;
 use stylus_kernel::excitation::{self, Excitation};
 use stylus_kernel::grid::{GridPoint, ONE};
 
-use super::players::NotHeld;
-use super::structure::Voice;
-use model_format::SAMPLE_RATE_HZ;
+use super::players::{NotHeld, Voice};
 use stylus_costs::Structure;
 use stylus_hard_cases::FloatLattice;
 

@@ -9,11 +9,10 @@ use stylus_support::{Error, Result};
 use super::costs::{Core, Cost, Costs};
 use super::hard::{self, HardCases, Verdict};
 use super::moving::{self, Frames, Moving};
-use super::players::predictors;
+use super::players::{library_bytes_per_node, predictors, ram_bytes};
 use super::prepared::{Fitted, Prepared};
 use super::results::{Filter, Frontier, Point, mark_fronts};
 use super::still::{self, Node, Playing, Still};
-use super::structure::{library_bytes_per_node, ram_bytes};
 use super::{INTERVALS, Options};
 use stylus_costs::Structure;
 

@@ -1,7 +1,7 @@
 //! Accuracy at rest: each node is played at its own speed and force and compared with a recording that the fit has not
 //! seen, and with the same filter in float64.
 
-use model_format::{MillimetresPerSecond, Newton, Texture};
+use model_format::{MillimetresPerSecond, Newton, SAMPLE_RATE_HZ, Texture};
 use serde::Serialize;
 use stylus_dsp::spectrum::{self, AMPLITUDE_JND_DB};
 use stylus_dsp::sums::mean_square;
@@ -11,10 +11,9 @@ use stylus_kernel::excitation::{self, Excitation};
 use stylus_kernel::{Motion, UPDATE_INTERVAL_SAMPLES};
 use stylus_support::{Error, Result};
 
-use super::structure::Voice;
+use super::players::Voice;
 use crate::evaluate::WARM_UP_S;
 use crate::summary;
-use model_format::SAMPLE_RATE_HZ;
 use stylus_costs::Structure;
 use stylus_hard_cases::{Deviation, FloatLattice};
 

@@ -10,7 +10,6 @@
 //! A prediction that the device could not play (an unstable mean, or one that is too loud) counts with C = 1, the score
 //! of silence.
 
-mod play;
 mod prepared;
 mod results;
 mod run;
@@ -19,9 +18,8 @@ use stylus_fit::fit::Order;
 
 use crate::evaluate;
 
-pub use play::Judged;
 pub use prepared::Prepared;
-pub use results::{LeaveOneOut, Outcome, Removed, Row, Summary, summarise};
+pub use results::{Judged, LeaveOneOut, Outcome, Removed, Row, Summary, summarise};
 
 /// Options of the test.
 #[derive(Clone, Copy, Debug)]

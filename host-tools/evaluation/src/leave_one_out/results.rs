@@ -5,11 +5,32 @@ use model_format::LevelLaw;
 use serde::Serialize;
 use stylus_dsp::linear_prediction::{error_share, step_down, step_up};
 use stylus_dsp::model::Model;
-use stylus_dsp::spectrum::AMPLITUDE_JND_DB;
+use stylus_dsp::spectrum::{AMPLITUDE_JND_DB, BAND_COUNT};
 
-use super::play::Judged;
 use crate::summary;
 use crate::table::Table;
+
+/// The comparison of a synthesis with a recording.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Judged {
+    /// The paper's cost C, equation (6).
+    pub cost: f64,
+    /// Level of the synthesis relative to the recording in each third-octave band from 20 to 1000 Hz, dB.
+    pub band_errors_db: [Option<f64>; BAND_COUNT],
+    /// Log-spectral distance from 30 to 1000 Hz in sliding third octaves, dB.
+    pub log_spectral_distance_db: Option<f64>,
+}
+
+impl Judged {
+    /// Returns the score of silence, which lacks everything of the recording.
+    pub fn silence() -> Self {
+        Self {
+            cost: 1.0,
+            band_errors_db: [None; BAND_COUNT],
+            log_spectral_distance_db: None,
+        }
+    }
+}
 
 /// A row of the table: how the removed node was predicted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,15 +1,23 @@
-//! The removed-node test itself: each node that is removed, and everything that is played in its place.
+//! The removed-node test itself: each node that is removed, and every model that the device's kernel plays in its place
+//! and that is compared with a recording.
 
+use model_format::{MillimetresPerSecond, Newton, SAMPLE_RATE_HZ};
 use rayon::prelude::*;
 use stylus_dsp::model::Model;
+use stylus_dsp::spectrum;
 use stylus_fit::fit::Order;
+use stylus_fit::texture::grid::Grid;
+use stylus_fit::texture::library::{decoded, library_of};
+use stylus_signals::playing::motion::MotionPath;
+use stylus_signals::playing::render::render;
 use stylus_support::Result;
 use stylus_support::names::portable;
 
 use super::Options;
-use super::play::{self, Judged};
 use super::prepared::{Prepared, Target};
-use super::results::{LeaveOneOut, Outcome, Removed, Row};
+use super::results::{Judged, LeaveOneOut, Outcome, Removed, Row};
+use crate::evaluate::WARM_UP_S;
+use crate::perception::ScoringRange;
 
 impl Prepared<'_> {
     /// Removes every inner node and predicts it by each method. Calls `progress` after each node.
@@ -59,13 +67,13 @@ impl Prepared<'_> {
         let seed = options.judging.seed.wrapping_add(target.trial as u64);
         let played = model
             .as_ref()
-            .map(|model| play::synthesis(model, options.judging.synthesis_s / 2.0, seed));
+            .map(|model| synthesis(model, options.judging.synthesis_s / 2.0, seed));
         let played = played.transpose()?.flatten();
         let model = model.filter(|_| played.is_some());
         let (recorded, range) = (&self.signals[target.trial], self.ranges[target.trial].as_ref());
         let judged = played
             .zip(range)
-            .and_then(|(played, range)| play::judge(recorded, &played, range, options));
+            .and_then(|(played, range)| judge(recorded, &played, range, options));
         let error = |model: &Model| model.error_power() - own.error_power();
         Ok(Outcome {
             is_playable: judged.is_some(),
@@ -74,4 +82,44 @@ impl Prepared<'_> {
             judged: judged.unwrap_or_else(Judged::silence),
         })
     }
+}
+
+/// Speed and force of the only node of a library for a test. Any values in contact and in motion serve.
+const PLACE: (f32, f32) = (100.0, 1.0);
+
+/// Plays `seconds` of `model` with the device's kernel, m/s², after a warm-up. Returns `None` if it is too loud.
+fn synthesis(model: &Model, seconds: f64, seed: u64) -> Result<Option<Vec<f64>>> {
+    const NAME: &str = "removed node";
+    let grid = Grid::new(vec![PLACE.0], vec![PLACE.1], vec![model.clone()]);
+    let Ok(bytes) = library_of(NAME, &grid) else {
+        return Ok(None);
+    };
+    let library = decoded(&bytes)?;
+    let texture = library.textures().next().expect("one was encoded");
+    let motion = MotionPath::constant(MillimetresPerSecond(PLACE.0), Newton(PLACE.1))?;
+    let mut samples = render(texture, &motion, seconds + WARM_UP_S, seed)?.accelerations_m_s2();
+    Ok(Some(
+        samples.split_off((WARM_UP_S * f64::from(SAMPLE_RATE_HZ)) as usize),
+    ))
+}
+
+/// Compares a synthesis with a recording, both in m/s² at the models' rate, at the frequencies of `range`. `None` if
+/// there is nothing to compare.
+fn judge(recorded: &[f64], synthesised: &[f64], range: &ScoringRange, options: &Options) -> Option<Judged> {
+    let rate_hz = f64::from(SAMPLE_RATE_HZ);
+    // Both spectra have segments of one length, so that the window's leakage is the same in both.
+    let of_blocks = |signal: &[f64]| spectrum::PowerSpectrum::of_blocks(&[signal], range.segment, rate_hz);
+    let (a, b) = (of_blocks(recorded), of_blocks(synthesised));
+    let (low_hz, high_hz) = range.distance_hz();
+    Some(Judged {
+        cost: spectrum::cost_of_blocks(
+            &[recorded],
+            &[synthesised],
+            rate_hz,
+            options.judging.smoothing_hz,
+            range.cost_hz,
+        )?,
+        band_errors_db: spectrum::band_errors_within_db(&a, &b, range.band_edges_hz()),
+        log_spectral_distance_db: spectrum::distance_of_spectra_db(&a, &b, low_hz, high_hz),
+    })
 }

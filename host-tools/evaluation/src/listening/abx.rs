@@ -6,7 +6,7 @@ use rand_pcg::Pcg64;
 use serde::Serialize;
 
 use super::excerpts::{Sounds, TrialExcerpts, able};
-use super::kinds::{Kind, Pair};
+use super::{Kind, Pair};
 
 /// One trial: three excerpts and their kinds.
 #[derive(Clone, Debug, PartialEq, Serialize)]

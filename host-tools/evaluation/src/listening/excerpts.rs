@@ -6,7 +6,7 @@ use model_format::SAMPLE_RATE_HZ;
 use rand::seq::IndexedRandom;
 use rand_pcg::Pcg64;
 
-use super::kinds::Kind;
+use super::Kind;
 
 /// Number of sounds of a trial, of which no two may be from the same window of one noise.
 pub(super) const WINDOWS: usize = 3;

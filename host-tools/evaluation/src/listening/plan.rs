@@ -10,9 +10,9 @@ use stylus_signals::recording::RecordingSet;
 use stylus_support::names::listed;
 use stylus_support::{Error, Result};
 
+use super::Pair;
 use super::abx::{Trial, trials};
 use super::excerpts::{Excerpt, SHORTEST_EXCERPT_S, Sounds, TrialExcerpts, WINDOWS, able, excerpts, samples};
-use super::kinds::Pair;
 use super::similarity::{Ratings, ratings};
 use super::staircase::{Part, Staircases, Strands, Track, track};
 use crate::evaluate::{self, Evaluation};

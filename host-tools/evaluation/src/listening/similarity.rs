@@ -5,7 +5,7 @@ use rand_pcg::Pcg64;
 use serde::Serialize;
 
 use super::excerpts::{Sounds, TrialExcerpts, able};
-use super::kinds::{Kind, Pair};
+use super::{Kind, Pair};
 
 /// One rating: two different excerpts and their kinds. The pair's name has the kinds in the pair's order, whichever of
 /// them is A.

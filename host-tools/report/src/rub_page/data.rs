@@ -18,8 +18,7 @@ use stylus_support::Result;
 use stylus_support::number::significant;
 
 use super::clips::{Clip, Thinning};
-use super::spectra::{STEPS_PER_DB, Spectrum, band_centres_hz, model_spectrum, recorded_spectrum};
-use super::tip::TipData;
+use super::spectra::{STEPS_PER_DB, Spectrum, TipData, band_centres_hz, model_spectrum, recorded_spectrum};
 use super::{Inputs, KERNEL, KERNEL_BUILT_BY, Recordings};
 
 /// Version of the data's format.

@@ -4,30 +4,31 @@
 //! The kernel is the device's own, compiled to the WebAssembly module of `host-tools/browser`, whose page specifies the
 //! form of the data. The compiled module is kept next to this file, so that a page can be written without a compiler. A
 //! test compiles the module again and compares the bytes.
+//!
+//! The page's pictures are axes, in which its scripts draw.
 
 mod clips;
 mod data;
-mod pictures;
 mod spectra;
 #[cfg(test)]
 mod tests;
-mod tip;
 
 use std::path::Path;
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
+use data::Data;
 use model_format::Library;
 use stylus_evaluation::evaluate::Evaluation;
 use stylus_fit::fit::conditioning::Conditioning;
 use stylus_fit::texture::library::unknown_levels;
 use stylus_plant::Plant;
 use stylus_signals::recording::RecordingSet;
-use stylus_support::Result;
-use stylus_support::atomic_file;
 use stylus_support::visible::page_json;
+use stylus_support::{Result, atomic_file};
 
 use super::html::escaped;
+use crate::plot::{COST, Caption, Quantity, Scale, Svg, map_axes, spectrum_axes, waveform_axes};
 
 /// The kernel as a WebAssembly module, as `cargo tasks browser-module` builds it.
 pub const KERNEL: &[u8] = include_bytes!("kernel.wasm");
@@ -130,7 +131,7 @@ pub fn write(inputs: &Inputs<'_>, path: &Path, progress: impl Fn()) -> Result<Wr
 
 fn page(inputs: &Inputs<'_>, progress: impl Fn()) -> Result<(String, Written)> {
     let data = &data::Data::of(inputs, progress)?;
-    let templates = pictures::templates(data)?;
+    let templates = templates(data)?;
     let mut notice = String::new();
     if data.simulated {
         notice.push_str(
@@ -165,4 +166,62 @@ fn page(inputs: &Inputs<'_>, progress: impl Fn()) -> Result<(String, Written)> {
         digests: data.digests(),
     };
     Ok((text, written))
+}
+
+/// Range of the spectra's level axis, dB.
+const SPAN_DB: f64 = 80.0;
+
+/// Step to which the ends of that axis are rounded, dB.
+const STEP_DB: f64 = 10.0;
+
+/// Levels of a node.
+const RMS: Quantity = Quantity::new("RMS level", "m/s²");
+
+/// Returns the pictures as template elements, with the names that the scripts use. All textures share their scales.
+fn templates(data: &Data) -> Result<String> {
+    // A library that is all silence has no peak, and axes from zero to zero cannot be laid out.
+    let peak = if data.full_scale_m_s2 > 0.0 {
+        data.full_scale_m_s2
+    } else {
+        1.0
+    };
+    // The title is short, because the word SIMULATED may stand beside it.
+    let waveform = waveform_axes(&Caption::new("Waveform", data.simulated), peak)?;
+    let mut text = template("waveform", &waveform) + &template("spectrum", &spectrum(data)?);
+    for (name, title, quantity, scale) in maps(data) {
+        let axes = map_axes(&Caption::new(title, data.simulated), quantity, scale)?;
+        text += &template(name, &axes);
+    }
+    Ok(text)
+}
+
+/// Returns the axes of spectra.
+fn spectrum(data: &Data) -> Result<Svg> {
+    let highest = data.textures.iter().map(|texture| texture.top_db);
+    // The level of a silent texture is negative infinity.
+    let highest = highest
+        .filter(|level| level.is_finite())
+        .reduce(f64::max)
+        .unwrap_or(0.0);
+    let highest = (highest / STEP_DB).ceil() * STEP_DB;
+    let caption = Caption::new("Spectrum", data.simulated);
+    spectrum_axes(&caption, highest - SPAN_DB..highest)
+}
+
+/// Returns the axes of the maps that the textures need: of C where it is known, and of levels for the other textures.
+/// All textures share one scale per kind of map.
+fn maps(data: &Data) -> impl Iterator<Item = (&'static str, &'static str, Quantity, Scale)> {
+    let nodes = || data.textures.iter().map(|texture| &texture.nodes);
+    let shares = nodes().flat_map(|nodes| nodes.costs.iter().flatten().flatten());
+    let costs = Scale::of(shares.map(|share| 100.0 * share));
+    let levels = Scale::of(nodes().flat_map(|nodes| nodes.rms_m_s2.iter().copied()));
+    let known = [true, false].map(|known| nodes().any(|nodes| nodes.costs.is_some() == known));
+    let of_costs = known[0].then_some(("map-cost", "Mismatch of spectra", COST, costs));
+    let of_levels = known[1].then_some(("map-level", "RMS level", RMS, levels));
+    of_costs.into_iter().chain(of_levels)
+}
+
+/// Returns a picture as a template element.
+fn template(name: &str, picture: &Svg) -> String {
+    format!("<template id=\"{name}\">{}</template>\n", picture.as_str())
 }

@@ -285,9 +285,9 @@ impl HeldSamples {
         let all = self.channels.iter().fold(rate, |hash, channel| {
             // Without lengths, samples moved from one axis to the next would have the same hash.
             let length = (channel.len() as u64).to_le_bytes();
-            channel
-                .iter()
-                .fold(hash.then(&length), |hash, sample| hash.then_words(&sample.to_le_bytes()))
+            channel.iter().fold(hash.then(&length), |hash, sample| {
+                hash.then_words(&sample.to_le_bytes())
+            })
         });
         all.value()
     }

@@ -6,7 +6,6 @@ mod changelog;
 mod command;
 mod contents;
 mod player;
-mod wheel;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -17,7 +16,7 @@ use anyhow::{Context, Result, bail};
 use crate::firmware::{self, Image, UpdateArguments};
 use crate::toolchain::Toolchain;
 use crate::workspace::{self, Folders};
-use crate::{browser_module, laboratory, process};
+use crate::{browser_module, process};
 
 use command::System;
 
@@ -150,7 +149,7 @@ fn part_of(part: Part, build: &Build) -> Result<()> {
     }
     match part {
         Part::Laboratory => keep(
-            &laboratory::write()?,
+            &browser_module::write_laboratory()?,
             &build.out,
             Some(&format!("stylus-lab-{version}.html")),
         ),
@@ -168,7 +167,7 @@ fn part_of(part: Part, build: &Build) -> Result<()> {
             }
             Ok(())
         }
-        Part::Wheel => wheel::build(build).map(drop),
+        Part::Wheel => command::build_wheel(build).map(drop),
         Part::Module => {
             // The kept module is released, so it first has to be what these sources give.
             println!("{}", browser_module::check()?);
@@ -229,7 +228,7 @@ fn check_tools(parts: &[Part]) -> Result<()> {
         let found = match (part, part.system()) {
             (_, Some(system)) => system.check(),
             (Part::Image, _) => Toolchain::find().map(drop),
-            (Part::Wheel, _) => wheel::maturin().map(drop),
+            (Part::Wheel, _) => command::maturin().map(drop),
             _ => Ok(()),
         };
         lacking.extend(found.err().map(|error| format!("{part:?}: {error:#}")));

@@ -36,7 +36,7 @@ use rigless::soc::stm32h743::peripherals::flash::Flash;
 
 use super::around::{Around, Call};
 use crate::chance::Chance;
-use crate::error::{Error, Result};
+use crate::{Error, Result};
 
 /// Address of the flash (table 7).
 pub const BASE: u32 = 0x0800_0000;

@@ -7,7 +7,7 @@ use virtual_stylus::flash_file::FlashFile;
 use virtual_stylus::model::flash::{BASE, BYTES, Contents, Kind, Moment, SECTOR_BYTES, Stalls, WORD_BYTES};
 use virtual_stylus::{Error, Options, ResetCause};
 
-use crate::probe::{MILLISECOND_NS, TICK_NS, ask, ready, words};
+use crate::bench::{MILLISECOND_NS, TICK_NS, ask, ready, words};
 
 const BANK_2: u32 = 0x0810_0000;
 const ERASED: u32 = u32::MAX;
@@ -133,7 +133,7 @@ fn a_word_torn_by_a_power_cut_is_a_bus_fault_with_its_place_when_read_until_its_
     let told = words(&answer[9..]);
     assert_eq!((told[0] & DOUBLE_ERROR, told[1]), (DOUBLE_ERROR, 2));
     assert_eq!(stylus.failed_reads(), 1);
-    stylus.run_for(crate::probe::READY_NS);
+    stylus.run_for(crate::bench::READY_NS);
     let resets = stylus.resets();
     assert_eq!(resets.len(), 1);
     assert_eq!(resets[0].cause, ResetCause::Software);

@@ -4,6 +4,5 @@ mod bench;
 mod flash;
 mod motion;
 mod pace;
-mod probe;
 mod registers;
 mod usb;

@@ -8,14 +8,14 @@ use host_tools::support::Error;
 use host_tools::support::number::{MAX_FORCE_N, MAX_SPEED_MM_S};
 use model_format::{Provenance, SAMPLE_RATE_HZ};
 
-use super::place;
+use super::{check, guarded, written};
 
 /// Checks `input` as a list of trials.
 pub fn list(input: &[u8]) {
-    let path = place::written("trials.csv", input);
+    let path = written("trials.csv", input);
     let set = match RecordingSet::from_list(&path) {
         Ok(set) => set,
-        Err(error) => return place::check(&error, &path, input),
+        Err(error) => return check(&error, &path, input),
     };
     for trial in &set.trials {
         assert!((0.0..=MAX_SPEED_MM_S).contains(&trial.speed_mm_s));
@@ -31,7 +31,7 @@ pub fn list(input: &[u8]) {
     );
     // The set is written as a list again, in two dialects. Each must be read as the same set.
     for (separator, decimal) in [(",", "."), (";", ",")] {
-        let list = place::written("again.csv", rewritten(&set.trials, separator, decimal).as_bytes());
+        let list = written("again.csv", rewritten(&set.trials, separator, decimal).as_bytes());
         let again = RecordingSet::from_list(&list).expect("it was written from a list");
         assert_eq!(again, set);
     }
@@ -58,7 +58,7 @@ fn rewritten(trials: &[Trial], separator: &str, decimal: &str) -> String {
     let mut text = names.join(separator) + "\n";
     let number = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value:?}").replace('.', decimal));
     for trial in trials {
-        let quoted = |text: &str| format!("\"{}\"", place::guarded(text).replace('"', "\"\""));
+        let quoted = |text: &str| format!("\"{}\"", guarded(text).replace('"', "\"\""));
         let fields = [
             quoted(&trial.file.to_string_lossy()),
             quoted(&trial.texture),
@@ -89,7 +89,7 @@ pub fn recording(input: &[u8]) {
 }
 
 fn read_as(name: &str, content: &[u8], sample_rate_hz: Option<f64>) {
-    let path = place::written(name, content);
+    let path = written(name, content);
     let trial = |file| Trial {
         sample_rate_hz,
         ..Trial::of(file, "fuzz".to_owned(), 100.0, 1.0)
@@ -98,14 +98,14 @@ fn read_as(name: &str, content: &[u8], sample_rate_hz: Option<f64>) {
         Ok(samples) => samples,
         // Every refusal must name the file, including one by the conversion of rates.
         Err(error @ (Error::File { .. } | Error::Line { .. } | Error::Io { .. })) => {
-            return place::check(&error, &path, content);
+            return check(&error, &path, content);
         }
         Err(error) => panic!("names no file: {error}"),
     };
     check_samples(&samples);
     // Only at the models' rate are the samples those of the file; other rates are converted.
     if samples.source_rate_hz == f64::from(SAMPLE_RATE_HZ) {
-        let written = place::written("again.wav", &wav(&samples.axes));
+        let written = written("again.wav", &wav(&samples.axes));
         // What is large is held once at a time, because this is judged by its memory, too.
         drop(samples);
         let again = recording::read(&trial(written.clone())).expect("it was written from a recording");
@@ -147,7 +147,7 @@ fn wav(axes: &[Vec<f64>]) -> Vec<u8> {
 
 /// Checks `input` as a model file.
 pub fn hatt(input: &[u8]) {
-    let path = place::written("Models_fuzz.xml", input);
+    let path = written("Models_fuzz.xml", input);
     let options = Options {
         speeds: Some(2),
         forces: Some(2),
@@ -155,7 +155,7 @@ pub fn hatt(input: &[u8]) {
     };
     let sources = match read_all(std::slice::from_ref(&path), &options) {
         Ok(sources) => sources,
-        Err(error) => return place::check(&error, &path, input),
+        Err(error) => return check(&error, &path, input),
     };
     let toolkit = &sources[0].toolkit;
     assert!(!toolkit.models.is_empty());
@@ -167,6 +167,6 @@ pub fn hatt(input: &[u8]) {
     // A grid that does not fit a slot is refused for all files together.
     match plan(&sources, &options) {
         Ok(_) | Err(Error::Request(_)) => {}
-        Err(error) => place::check(&error, &path, input),
+        Err(error) => check(&error, &path, input),
     }
 }

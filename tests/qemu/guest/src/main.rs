@@ -6,10 +6,8 @@
 #![no_std]
 #![no_main]
 
-mod bounds;
-mod counter;
+mod counts;
 mod failure;
-mod hard;
 mod job;
 mod output;
 
@@ -26,7 +24,7 @@ use stylus_kernel::scene::Plan;
 use stylus_kernel::{Motion, Synthesis, UPDATE_INTERVAL_SAMPLES};
 use stylus_realtime::CortexM;
 
-use crate::counter::{Counter, Range};
+use crate::counts::{Counter, Range};
 use crate::output::{Output, Words};
 
 /// The library of test textures that `build.rs` writes.
@@ -43,8 +41,8 @@ fn main() -> ! {
             let textures = library.textures();
             measure(textures, COUNTED_UPDATES, counted_motion, &counter, &mut output);
         }
-        Some(Job::Hard { cases }) => hard::play(cases, &counter, &mut output),
-        Some(Job::Bounds { libraries }) => bounds::measure(libraries, &counter, &mut output),
+        Some(Job::Hard { cases }) => counts::hard_cases(cases, &counter, &mut output),
+        Some(Job::Bounds { libraries }) => counts::bounds(libraries, &counter, &mut output),
         Some(Job::Digest { library }) => digest(library, &mut output),
         None => {
             play::<Portable>(report::PORTABLE, &mut output);

@@ -17,8 +17,8 @@ use model_format::{
     BLOCK_BYTES, CodeSpec, CodebookSpec, ExcitationSpec, FadeLaw, Laws, LevelLaw, LineSpec, LinesSpec, NodeSpec,
     PartsSpec, Problem, Provenance, SAMPLE_RATE_HZ, TailSpec, TextureSpec, Wander, encode_with_scenes,
 };
-use tasks::guest::Processor;
 use tasks::qemu;
+use tasks::qemu::Processor;
 
 use crate::{held, image};
 

@@ -10,8 +10,8 @@ use kernel_vectors::{COST_BUDGETS, DIGESTED, digest_library, report as keyword};
 use stylus_kernel::UPDATE_INTERVAL_SAMPLES;
 use stylus_kernel::scene::cost::FEED;
 use tasks::compare::{self, EmulatorReport};
-use tasks::guest::Processor;
 use tasks::qemu;
+use tasks::qemu::Processor;
 
 use crate::{held, image};
 

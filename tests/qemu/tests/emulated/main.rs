@@ -2,17 +2,16 @@
 
 mod bounds;
 mod costs;
-mod hard_cases;
 mod kernel;
 
 use std::path::PathBuf;
 
-use tasks::guest::{self, Processor};
+use tasks::qemu::{self, Processor};
 use tasks::toolchain::Toolchain;
 
 /// Builds the image for `processor`.
 fn image(processor: Processor) -> PathBuf {
-    held(Toolchain::find().and_then(|toolchain| guest::build(&toolchain, processor)))
+    held(Toolchain::find().and_then(|toolchain| qemu::build_guest(&toolchain, processor)))
 }
 
 /// Returns the value, or panics with the whole message of the failure.

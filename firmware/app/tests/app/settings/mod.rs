@@ -14,7 +14,6 @@ use fake_stylus::flash::{Cut, Memory, Mishap, Operation, SECTOR_BYTES, Simulated
 
 mod formats;
 mod histories;
-mod response;
 
 const RANGE: Range<u32> = 0..2 * SECTOR_BYTES as u32;
 

@@ -31,20 +31,55 @@
 //! The emulator has no windows for the FIFOs. So the core's registers and FIFOs together are one window at
 //! [`WINDOW_BASE`], to which `core.rs` redirects the accesses to [`BASE`].
 
-pub mod core;
-pub mod host;
-mod packets;
+/// The core itself: registers, FIFOs and endpoints, without a bus and without time. The bus passes the packets on the
+/// wire to it, and receives the handshakes.
+pub mod core {
+    mod access;
+    mod bus;
+    mod state;
+
+    pub use super::{Handshake, InAnswer, Pid};
+    pub use state::{Core, RegisterMisuse};
+}
+
+/// The host at the other end of the cable: its root port and its controller, in virtual time.
+///
+/// | What | USB 2.0 |
+/// |---|---|
+/// | 12 Mbit/s, frames of 1 ms after a start of frame; no transaction crosses a frame's end | 7.1.11, 8.4.3, 11.3 |
+/// | A transaction lasts its packets' bits, data with the worst bit stuffing (7/6) | 5.11.3, 7.1.9 |
+/// | and the longest turnaround between its packets | 7.1.18 |
+/// | Control, bulk IN and bulk OUT, one transfer of a pipe at a time, pipes in turn | 5.5, 5.8, 8.5 |
+/// | Data toggles at both ends; a packet that arrives twice is acknowledged and dropped | 8.6 |
+/// | NAK: tried again without limit; STALL: the transfer ends | 8.4.5 |
+/// | No answer or a broken one: three attempts, then the transfer ends | 10.2.6 |
+/// | Reset, suspend by silence, resume; a cable that is pulled | 7.1.7 |
+///
+/// Packets are broken at random, at a rate and from a seed. A token or data packet that breaks on its way to the device
+/// is not answered. After a broken handshake, host and device disagree on what happened.
+///
+/// While the device would refuse everything that is due, no token is sent and none is counted, because the firmware
+/// cannot notice the difference. The next token is sent at the instant at which it would have been sent otherwise. Left
+/// out: low and high speed, hubs, isochronous and interrupt transfers, and the host's software, which is in `usb_host`.
+pub mod host {
+    mod bus;
+    mod state;
+    mod transfer;
+
+    pub use state::{Host, Mishap, RESET_NS, Traffic};
+    pub use transfer::{Completion, PACKET_BYTES, Transfer, TransferError, TransferId};
+}
+
 #[expect(missing_docs, reason = "the names are the manual's")]
 pub mod registers;
 
+use core::Core;
 use std::num::NonZeroU64;
 
+use host::Host;
 use rigless::device::{DeviceContext, ErasedDevice, InterruptChange, Level, RegisterFile, RequestChange};
 use rigless::soc::{Gate, RegisterSpec, Width, Window};
 use rigless::time::{EventId, VirtualNanos};
-
-use self::core::Core;
-use self::host::Host;
 
 /// Address at which the firmware accesses the core (table 8).
 pub const BASE: u64 = 0x4008_0000;
@@ -191,4 +226,46 @@ impl ErasedDevice for Usb {
     fn peek_window(&self, offset: u64, _width: Width, _now: VirtualNanos) -> Option<u64> {
         Some(u64::from(self.core.peek(offset)))
     }
+}
+
+/// The data packet's identifier.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pid {
+    /// A packet with an even number.
+    Data0,
+    /// A packet with an odd number.
+    Data1,
+}
+
+impl Pid {
+    /// The identifier of the next packet.
+    #[must_use]
+    pub fn next(self) -> Self {
+        match self {
+            Self::Data0 => Self::Data1,
+            Self::Data1 => Self::Data0,
+        }
+    }
+}
+
+/// Handshake of a device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Handshake {
+    /// The packet was accepted.
+    Ack,
+    /// The device cannot accept or send a packet at present.
+    Nak,
+    /// The endpoint is halted, or the request is not supported.
+    Stall,
+}
+
+/// Answer of a device to an IN token.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum InAnswer {
+    /// A data packet, which awaits its handshake.
+    Data(Pid, Vec<u8>),
+    /// The device cannot send a packet at present.
+    Nak,
+    /// The endpoint is halted, or the request is not supported.
+    Stall,
 }

@@ -2,12 +2,12 @@
 //! transmission.
 
 use super::state::{Core, Received};
-use crate::model::usb::packets::{Handshake, InAnswer, Pid};
 use crate::model::usb::registers::{
     DCTL_GINSTS, DCTL_GONSTS, DIEPINT_ITTXFE, DOEPINT_B2BSTUP, DOEPINT_STUP, EPINT_XFRC, GINTSTS_ENUMDNE,
     GINTSTS_ESUSP, GINTSTS_SOF, GINTSTS_USBRST, GINTSTS_USBSUSP, GINTSTS_WKUPINT, OUT_DATA, OUT_DONE, SETUP_DATA,
     SETUP_DONE,
 };
+use crate::model::usb::{Handshake, InAnswer, Pid};
 
 const FIFO_OVERRUN: &str = "more words were written to a transmit FIFO than DTXFSTS had room for; they are lost";
 

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use crate::model::usb::packets::Pid;
+use crate::model::usb::Pid;
 use crate::model::usb::registers::{
     DCTL_GINSTS, DCTL_GONSTS, DCTL_SDIS, DIEPINT_TXFE, ENDPOINTS, EPCTL_CNAK, EPCTL_DPID, EPCTL_EPENA, EPCTL_KEPT,
     EPCTL_NAKSTS, EPCTL_SD0PID, EPCTL_SD1PID, EPCTL_SNAK, EPCTL_STALL, EPCTL_USBAEP, GAHBCFG_GINTMSK, GAHBCFG_TXFELVL,

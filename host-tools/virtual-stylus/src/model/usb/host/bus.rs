@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use super::state::{Bus, Host, Mishap, RESET_NS, Sent, Transaction};
 use super::transfer::{Completion, PACKET_BYTES, Packets, Pending, Pipe, Stage, TransferError};
 use crate::model::usb::core::Core;
-use crate::model::usb::packets::{Handshake, InAnswer, Pid};
+use crate::model::usb::{Handshake, InAnswer, Pid};
 
 /// A bit's time in thousandths of a nanosecond.
 const PICOS_PER_BIT: u64 = 83_333;

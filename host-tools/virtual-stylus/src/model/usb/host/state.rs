@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 
 use super::transfer::{Completion, Packets, Pending, Pipe, Stage, Transfer, TransferError, TransferId};
 use crate::chance::Chance;
-use crate::model::usb::packets::{InAnswer, Pid};
+use crate::model::usb::{InAnswer, Pid};
 
 /// Counts of the bus's traffic.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
