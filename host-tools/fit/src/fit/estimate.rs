@@ -16,8 +16,8 @@ use stylus_dsp::model::Model;
 use stylus_dsp::spectrum::AMPLITUDE_JND_DB;
 use stylus_dsp::sums::{extremes, sum};
 
-/// Number of frequencies, 0.5 Hz apart, at which a model is compared with a recording: half of a power of two times five,
-/// and one, because that transform is fast.
+/// Number of frequencies, 0.5 Hz apart, at which a model is compared with a recording: one more than half of 5 · 2¹¹,
+/// because a transform of that length is fast.
 const BINS: usize = 5121;
 
 /// Leakage in any third-octave band above which the ends are tapered, dB.

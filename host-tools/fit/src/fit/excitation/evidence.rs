@@ -157,7 +157,8 @@ impl std::fmt::Display for Evidence {
         write!(
             f,
             "spread of 50 ms levels {slow:+.1} standard deviations from Gaussian noise's at 20-60 Hz, {fast:+.1} at \
-             60-500 Hz, kurtosis {kurtosis:+.1}; more than {SIGNIFICANT}, or {SIGNIFICANT_TOGETHER} together, is significant"
+             60-500 Hz, kurtosis {kurtosis:+.1}; more than {SIGNIFICANT} is significant, or {SIGNIFICANT_TOGETHER} \
+             together"
         )?;
         if self.seconds < FEW_S {
             write!(f, "; {:.2} s are few to judge by", self.seconds)?;
