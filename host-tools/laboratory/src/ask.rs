@@ -363,7 +363,7 @@ fn judge(kept: &Kept) -> Result<Value> {
     let inputs = rub_page::Inputs {
         library: &library,
         bytes: &opened.bytes,
-        recordings: Some(rub_page::Recordings {
+        recordings: Some(rub_page::JudgedRecordings {
             set,
             evaluation: &evaluation,
             conditioning: options.conditioning,

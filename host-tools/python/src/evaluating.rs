@@ -224,15 +224,16 @@ pub fn page<'py>(
             Some(judged) => Some(judged.evaluated(steps)?.0),
             None => None,
         };
-        let recordings = judged
-            .as_ref()
-            .zip(evaluation.as_ref())
-            .map(|(judged, evaluation)| rub_page::Recordings {
-                set: &judged.set,
-                evaluation,
-                conditioning,
-                clips,
-            });
+        let recordings =
+            judged
+                .as_ref()
+                .zip(evaluation.as_ref())
+                .map(|(judged, evaluation)| rub_page::JudgedRecordings {
+                    set: &judged.set,
+                    evaluation,
+                    conditioning,
+                    clips,
+                });
         let inputs = rub_page::Inputs {
             library: &decode_library(&path, &bytes)?,
             bytes: &bytes,

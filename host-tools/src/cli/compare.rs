@@ -13,7 +13,7 @@ use stylus_support::number::counted;
 use stylus_support::{Error, Result};
 
 use super::files::Overwrite;
-use super::input::{Recordings, positive};
+use super::input::{RecordingArguments, positive};
 use super::table::{headed, table};
 use crate::cli::evaluate::{as_fitted, choose};
 use crate::cli::output::{note, print};
@@ -26,7 +26,7 @@ use stylus_fit::texture::library::{decode_library, read_library};
 )]
 pub struct Arguments {
     #[command(flatten)]
-    recordings: Recordings,
+    recordings: RecordingArguments,
     /// Library to compare with the recordings
     #[arg(long, value_name = "LIB", required = true)]
     library: Option<PathBuf>,

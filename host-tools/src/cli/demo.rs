@@ -11,7 +11,7 @@ use stylus_evaluation::played;
 use stylus_fit::fit::record::FitRecord;
 use stylus_fit::fit::{self, Fit};
 use stylus_report::evaluation_page;
-use stylus_report::rub_page::{Clips, Inputs, Recordings};
+use stylus_report::rub_page::{Clips, Inputs, JudgedRecordings};
 use stylus_report::sound::node_seconds;
 use stylus_signals::playing::motion::MotionPath;
 use stylus_signals::playing::render::{WavFormat, render_wav};
@@ -105,7 +105,7 @@ fn all(arguments: &Arguments, folder: &OutputFolder, begin: Instant) -> Result<P
     let inputs = Inputs {
         library: &library,
         bytes: &bytes,
-        recordings: Some(Recordings {
+        recordings: Some(JudgedRecordings {
             set: &set,
             evaluation: &evaluation,
             conditioning: options.conditioning,

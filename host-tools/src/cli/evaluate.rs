@@ -24,7 +24,7 @@ use stylus_support::{Error, Result};
 use stylus_support::{atomic_file, progress};
 
 use super::files::Overwrite;
-use super::input::{Recordings, warn_of_unknown_levels};
+use super::input::{RecordingArguments, warn_of_unknown_levels};
 use super::output::{LINE_CHARS, folded_text, wrapped};
 use super::output::{is_full, print, to_json, warn, warn_of};
 use super::table::shown;
@@ -33,7 +33,7 @@ use stylus_fit::texture::library::{decode_library, read_library};
 #[derive(clap::Args)]
 pub struct Arguments {
     #[command(flatten)]
-    recordings: Recordings,
+    recordings: RecordingArguments,
     /// Library to evaluate
     #[arg(
         long,

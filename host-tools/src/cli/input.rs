@@ -15,7 +15,7 @@ use crate::cli::output::{note, warn};
 
 /// Recordings, with the values that their files may lack.
 #[derive(clap::Args)]
-pub struct Recordings {
+pub struct RecordingArguments {
     /// Folder with trials.csv, such a list, or WAV, CSV or LabVIEW recordings (each a texture named like the file)
     #[arg(required = true)]
     inputs: Vec<PathBuf>,
@@ -23,7 +23,7 @@ pub struct Recordings {
     assumed: Assumed,
 }
 
-impl Recordings {
+impl RecordingArguments {
     /// Returns the paths as they were given.
     pub fn inputs(&self) -> &[PathBuf] {
         &self.inputs

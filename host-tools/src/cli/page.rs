@@ -6,7 +6,7 @@ use stylus_evaluation::evaluate;
 use stylus_fit::fit;
 use stylus_fit::fit::conditioning::Conditioning;
 use stylus_fit::fit::record::FitRecord;
-use stylus_report::rub_page::{self, Clips, Inputs, Recordings, Written};
+use stylus_report::rub_page::{self, Clips, Inputs, JudgedRecordings, Written};
 use stylus_signals::recording::{Assumed, Kind, RecordingSet};
 use stylus_support::progress;
 use stylus_support::{Error, Result};
@@ -98,7 +98,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     };
     let judges = choose(&set, None, record.as_ref(), arguments.conditioning)?.judges;
     let evaluation = super::evaluate::evaluate_set(&set, &library, judges, record.as_ref(), &options)?;
-    let recordings = Recordings {
+    let recordings = JudgedRecordings {
         set: &set,
         evaluation: &evaluation,
         conditioning: arguments.conditioning,

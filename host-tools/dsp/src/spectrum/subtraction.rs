@@ -24,8 +24,12 @@ pub fn without_noise(signal: &[f64], whole: &PowerSpectrum, noise: &PowerSpectru
         return signal.to_vec();
     }
     // The signal is continued at its end by its mirror image. Otherwise the jump from end to beginning would have
-    // components at all frequencies and become a click where the noise is weaker.
-    let mut mirrored: Vec<f64> = signal.iter().chain(signal.iter().rev()).copied().collect();
+    // components at all frequencies and become a click where the noise is weaker. Two more images of its last samples
+    // make a quick length.
+    let length = fourier::quick_length(2 * signal.len());
+    let last = &signal[signal.len() - (length / 2 - signal.len()).min(signal.len())..];
+    let images = last.iter().rev().chain(last).chain(signal.iter().rev());
+    let mut mirrored: Vec<f64> = signal.iter().chain(images).copied().collect();
     let length = mirrored.len();
     let mut spectrum = fourier::forward(&mut mirrored);
     let [shares, rest] = shares_and_rest(whole, noise);

@@ -9,7 +9,7 @@ use model_format::{Library, SAMPLE_RATE_HZ};
 use serde::Serialize;
 use stylus_fit::texture::grid::is_recorded;
 
-use super::{Clips, Recordings};
+use super::{Clips, JudgedRecordings};
 
 /// Size of all clips of a page with [`Clips::Budget`], bytes. Each sample takes one byte; in the page they take a third
 /// more.
@@ -113,7 +113,7 @@ pub struct Thinning {
 
 impl Thinning {
     /// Chooses among the nodes of `library` for which `recordings` may have a recording.
-    pub fn of(library: &Library<'_>, recordings: &Recordings<'_>) -> Self {
+    pub fn of(library: &Library<'_>, recordings: &JudgedRecordings<'_>) -> Self {
         let grids: Vec<(usize, usize)> = library
             .textures()
             .map(|texture| (texture.speed_axis().len(), texture.force_axis().len()))

@@ -19,7 +19,7 @@ use stylus_support::number::significant;
 
 use super::clips::{Clip, Thinning};
 use super::spectra::{STEPS_PER_DB, Spectrum, TipData, band_centres_hz, model_spectrum, recorded_spectrum};
-use super::{Inputs, KERNEL, KERNEL_BUILT_BY, Recordings};
+use super::{Inputs, JudgedRecordings, KERNEL, KERNEL_BUILT_BY};
 
 /// Version of the data's format.
 const VERSION: u32 = 2;
@@ -210,7 +210,7 @@ impl TextureData {
     fn of(
         index: usize,
         texture: &Texture<'_>,
-        found: Option<(Recordings<'_>, &Thinning)>,
+        found: Option<(JudgedRecordings<'_>, &Thinning)>,
         clips: &mut Vec<Clip>,
     ) -> Result<Self> {
         let speeds: Vec<f32> = texture.speed_axis().values().collect();
@@ -278,7 +278,7 @@ fn recorded_at(
     index: usize,
     texture: &Texture<'_>,
     (speed, force): (usize, usize),
-    recordings: &Recordings<'_>,
+    recordings: &JudgedRecordings<'_>,
     thinning: &Thinning,
 ) -> Result<Recorded> {
     let (speed_mm_s, force_n) = (texture.speed(speed).0, texture.force(force).0);

@@ -47,7 +47,7 @@ pub enum Clips {
 
 /// The recordings that a library was fitted to, and their comparison with it.
 #[derive(Clone, Copy)]
-pub struct Recordings<'a> {
+pub struct JudgedRecordings<'a> {
     /// The recordings.
     pub set: &'a RecordingSet,
     /// The library's comparison with them.
@@ -66,7 +66,7 @@ pub struct Inputs<'a> {
     /// Bytes of the library.
     pub bytes: &'a [u8],
     /// The recordings, if there are any.
-    pub recordings: Option<Recordings<'a>>,
+    pub recordings: Option<JudgedRecordings<'a>>,
     /// Seed with which the page starts.
     pub seed: u64,
     /// A plant with its name. The page has a switch to hear its tip.

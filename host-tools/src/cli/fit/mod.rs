@@ -21,7 +21,7 @@ use report::{FitReport, energy_kept, excitations, lines_found, low_rates, rigs_s
 pub use strokes::Strokes;
 
 use crate::cli::files::Overwrite;
-use crate::cli::input::{Recordings, tell_nominal_motion};
+use crate::cli::input::{RecordingArguments, tell_nominal_motion};
 use crate::cli::inspect::texture_table;
 use crate::cli::output::{note, print, print_json};
 use stylus_fit::texture::library::decode_library;
@@ -30,7 +30,7 @@ use stylus_fit::texture::library::decode_library;
 #[command(group = ArgGroup::new("of trials").args(["snap"]).conflicts_with("strokes"))]
 pub struct Arguments {
     #[command(flatten)]
-    recordings: Recordings,
+    recordings: RecordingArguments,
     /// Library file to write; with --each the folder of the libraries
     #[arg(long, value_name = "LIB", required_unless_present = "shard")]
     out: Option<PathBuf>,

@@ -17,8 +17,10 @@ pub(super) const ENDS: usize = 100;
 
 /// Returns `residual` with Gaussian noise outside of the band `known_hz`. The noise is the same for each call.
 pub(super) fn filled(residual: &[f64], known_hz: &Range<f64>) -> Vec<f64> {
-    let length = residual.len();
-    let mut spectrum = fourier::forward(&mut residual.to_vec());
+    // Continued by its beginning, because a transform of the samples' number alone may be slow.
+    let length = fourier::quick_length(residual.len());
+    let mut circle: Vec<f64> = residual.iter().copied().cycle().take(length).collect();
+    let mut spectrum = fourier::forward(&mut circle);
     let bin = |hz: f64| (hz / f64::from(SAMPLE_RATE_HZ) * length as f64) as usize;
     let end = bin(known_hz.end).clamp(1, spectrum.len());
     let first = bin(known_hz.start).min(end - 1);
@@ -32,6 +34,7 @@ pub(super) fn filled(residual: &[f64], known_hz: &Range<f64>) -> Vec<f64> {
         *bin = Complex::new(normal(), normal()) * (power / 2.0).sqrt();
     }
     let mut signal = fourier::inverse(&mut spectrum, length);
+    signal.truncate(residual.len());
     signal.iter_mut().for_each(|x| *x /= length as f64);
     signal
 }
