@@ -2,7 +2,7 @@
 //!
 //! The time-critical modules `boot`, `play` and `tick` are in the package `stylus-realtime`, which all modules may
 //! import. Modules import in one direction: `link` imports `device`, `fault`, `flash` and `self_test`; `self_test`
-//! imports `flash`; `flash` imports `fault`. Only `main` imports all.
+//! imports `flash`; `flash` imports `fault`. Only this file imports all.
 //!
 //! The first LED blinks while all is well, a second one lights after a fault, and in safe mode they blink in turn.
 #![no_std]

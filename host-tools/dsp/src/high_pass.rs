@@ -6,7 +6,7 @@
 use std::f64::consts::TAU;
 
 use crate::spectrum::PowerSpectrum;
-use crate::sums::{Moments, moments, sum};
+use crate::sums::{mean, sum, variance};
 
 /// Frequency below which power counts as the motion of a hand or rig, Hz.
 pub const SLOW_HZ: f64 = 10.0;
@@ -29,14 +29,16 @@ pub fn slow_share(axes: &[Vec<f64>], rate_hz: f64) -> f64 {
     let (mut slow, mut all) = (0.0, 0.0);
     let group = ((rate_hz / MEANS_HZ) as usize).max(1);
     for axis in axes {
-        let Moments { mean, variance } = moments(axis);
+        let mean = mean(axis);
         let means = axis.chunks_exact(group).map(|part| sum(part) / group as f64 - mean);
-        let spectrum = PowerSpectrum::welch(&means.collect::<Vec<_>>(), rate_hz / group as f64);
+        let means: Vec<f64> = means.collect();
+        let spectrum = PowerSpectrum::welch(&means, rate_hz / group as f64);
         slow += spectrum.power_between(0.0, SLOW_HZ);
-        all += variance;
+        // The rest of the variance is within the groups.
+        let within = variance(axis) - variance(&means);
+        all += spectrum.power_between(0.0, 0.5 * MEANS_HZ) + within.max(0.0);
     }
-    // A spectrum weighs some moments more than others, as the variance does not.
-    if all > 0.0 { (slow / all).min(1.0) } else { 0.0 }
+    if all > 0.0 { slow / all } else { 0.0 }
 }
 
 /// Lowest valid frequency of a recording after a high-pass at `cut_hz`, Hz.

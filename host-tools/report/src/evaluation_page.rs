@@ -184,7 +184,7 @@ impl<'a> Report<'a> {
         } = self.inputs;
         self.page.section("Maps").paragraph(
             "C is the paper's mismatch of spectra in per cent, equation (6): 0 if they are equal. It is good where it \
-             is as low as that of two parts of one recording, which the table of all figures has in brackets.",
+             is as low as that of two parts of one recording, which the table under Scores has in brackets.",
         );
         for summary in &evaluation.textures {
             self.cost_map(&texture_named(library, &summary.texture)?)?;

@@ -50,6 +50,15 @@ pub mod playing {
 /// Recordings: the trials of a set, their samples in m/s² at the models' sample rate, verdicts on them, and recordings
 /// of a free hand.
 ///
+/// | modules | subject |
+/// |---|---|
+/// | `set`, `pattern`, `snap`, `trial` | the trials of a set, and their speeds and forces |
+/// | `kind`, `load` | the format of a file, and its reader: `wav` and `riff`, `csv_file`, `lvm` |
+/// | `times`, `order`, `step`, `clock`, `uneven`, `polled`, `joined` | times of samples, and values that are repeated |
+/// | `unit`, `numbers`, `axes` | scales, integers that were misread, and names of columns |
+/// | `rate`, `resample` | sample rates and their conversion |
+/// | `defects`, `triage` | defects of the samples as they were recorded, and verdicts on trials |
+///
 /// Invariant: inputs are files, or samples that a program holds; outputs are samples and verdicts. Nothing here fits a
 /// model.
 pub mod recording {

@@ -71,8 +71,8 @@ pub(super) struct Weave {
 pub(super) struct Course {
     /// Position at each sample, mm, with its wander.
     pub place_mm: Vec<f64>,
-    /// Fraction of the line at each sample that its band holds there, at most 1. Where noise cancels the line, the
-    /// phase jumps, and all of the line with that phase would be noise in other bands.
+    /// Factor of the line at each sample: 1, or less where its band holds less than half of it. There noise cancels the
+    /// line, the phase jumps, and all of the line with that phase would be noise in other bands.
     pub held: Vec<f64>,
     /// Number of the harmonic whose phase gives the position.
     reference: u32,
@@ -417,10 +417,7 @@ fn course_by(heard: &BandedTrial, told: &LineFundamental, signal: &[f64], ranges
     let hz = per_sample * f64::from(SAMPLE_RATE_HZ);
     let count = ((HIGHEST_HZ / hz) as u32).min(HARMONICS);
     let amplitudes = amplitudes_of(told, count as usize, ranges);
-    let loudest = amplitudes[reference as usize - 1]
-        .norm_sqr()
-        .sqrt()
-        .max(f64::MIN_POSITIVE);
+    let loudest = amplitudes[reference as usize - 1].norm_sqr().sqrt();
     let magnitudes = heard.spectrum.envelope(band.edges_hz).magnitudes(signal.len());
     let seconds = signal.len() as f64 / f64::from(SAMPLE_RATE_HZ);
     let half_hz = 0.5 * band.width_hz() / f64::from(reference);
@@ -451,7 +448,7 @@ fn course_by(heard: &BandedTrial, told: &LineFundamental, signal: &[f64], ranges
         place_mm: turns.iter().map(|turns| turns * wavelength_mm).collect(),
         held: magnitudes
             .iter()
-            .map(|magnitude| (magnitude / loudest).min(1.0))
+            .map(|magnitude| (magnitude / (0.5 * loudest).max(f64::MIN_POSITIVE)).min(1.0))
             .collect(),
         reference,
         amplitudes,
