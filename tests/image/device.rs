@@ -15,7 +15,7 @@ use serde::de::DeserializeOwned;
 use stylus_board::{ALL, Board};
 use virtual_stylus::chance::Chance;
 use virtual_stylus::model::dac::Output;
-use virtual_stylus::model::read_back::Driven;
+use virtual_stylus::model::pins::Driven;
 use virtual_stylus::model::usb::host::TransferError;
 use virtual_stylus::usb_host::{BulkFrames, Descriptors, UsbHost};
 use virtual_stylus::{Options, VirtualStylus};

@@ -9,7 +9,7 @@ use stylus_board::ALL;
 use stylus_plant::{Parameters, Plant};
 use virtual_stylus::Options;
 use virtual_stylus::model::dac::Output;
-use virtual_stylus::model::read_back::{Drive, Driven};
+use virtual_stylus::model::pins::{Drive, Driven};
 use virtual_stylus::sensors::{ActuatedPins, ConstantPins, MID_SCALE as MID_SCALE_WORD};
 
 use crate::device::{CODE_NS, CODES, Device, MID_SCALE, MS, PERIOD_NS, inject, product};

@@ -6,7 +6,7 @@ use hil::checks::faults::{ENDING, Ending, Injected};
 use model_format::link::{ResetReason, Setting};
 use stylus_boot::map::{ACTIVE, FLASH};
 use virtual_stylus::model::dac::{Cause, Output};
-use virtual_stylus::model::read_back::Drive;
+use virtual_stylus::model::pins::Drive;
 use virtual_stylus::{Options, ResetCause};
 
 use crate::device::{Device, MID_SCALE, MS, inject, long, product, with_faults};

@@ -6,7 +6,7 @@ use model_format::link::{
 use stylus_link::procedures::self_test::{Line, Verdict, judge};
 use virtual_stylus::Options;
 use virtual_stylus::board::StylusBoard;
-use virtual_stylus::model::read_back::{Drive, OutputPin};
+use virtual_stylus::model::pins::{Drive, OutputPin};
 
 use crate::device::{Device, MID_SCALE, MS, SECOND, product};
 use crate::requests::assert_even;

@@ -16,8 +16,8 @@ use virtual_stylus::model::flash::{BASE, Contents, Kind, Moment};
 use virtual_stylus::{Options, PowerCut};
 
 use crate::device::{Device, MS, SECOND, inject, long, product, with_faults};
+use crate::flash::state_of;
 use crate::library;
-use crate::settings::state_of;
 
 /// Time in which the bootloader exchanges two images, with a margin, ns.
 pub const EXCHANGE_NS: u64 = 30 * SECOND;

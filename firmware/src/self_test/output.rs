@@ -3,6 +3,9 @@
 //!
 //! ADC1 converts for the tick, so it is not touched. ADC2 shares the clock of ADC1, which is on, and the reset, which
 //! is therefore not used. ADC2 is in deep power-down before and after.
+//!
+//! [`measure`] sets codes by hand, with the amplifier off. [`rest`] only reads the pin while the tick drives it, and
+//! changes neither the output nor the amplifier.
 
 use cortex_m::asm;
 use cortex_m::peripheral::DWT;
@@ -32,10 +35,10 @@ const RAMP: i32 = 128;
 const SETTLE_CYCLES: u32 = CORE_HZ / 50_000;
 
 /// Time within which a new code is on the pin, many times the three ticks that this takes.
-const LIMIT: Duration = Duration::from_millis(20);
+const EDGE_LIMIT: Duration = Duration::from_millis(20);
 
 /// Longest busy wait until a new code is on the pin, cycles: 1 ms.
-const LIMIT_CYCLES: u32 = CORE_HZ / 1_000;
+const EDGE_CYCLES: u32 = CORE_HZ / 1_000;
 
 /// Cycles of the core per cycle of the converter.
 const CONVERTER_CYCLES: u32 = CORE_HZ / CONVERTER_HZ;
@@ -75,7 +78,7 @@ async fn set(by_hand: &ByHand, code: DacCode) -> Result<(), SelfTestError> {
         by_hand.set(next);
         let begin = Instant::now();
         while !by_hand.is_out(next) {
-            if since(begin) > LIMIT {
+            if since(begin) > EDGE_LIMIT {
                 return Err(fault("the output does not take a code"));
             }
             yield_now().await;
@@ -166,7 +169,7 @@ fn edge(by_hand: &ByHand, to: DacCode) -> Option<u32> {
         if is_out {
             return (now.wrapping_sub(before) <= LATE_CYCLES).then_some(now);
         }
-        if now.wrapping_sub(begin) > LIMIT_CYCLES {
+        if now.wrapping_sub(begin) > EDGE_CYCLES {
             return None;
         }
         before = now;

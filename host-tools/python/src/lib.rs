@@ -14,7 +14,8 @@
 //! | `options` | the command's options as keywords |
 //! | `library` | libraries, their textures and nodes |
 //! | `motion` | motions |
-//! | `scene` | scenes, costed and rendered; renderings, of textures too |
+//! | `rendering` | renderings of textures and scenes, and their files |
+//! | `scene` | scenes, costed and rendered |
 //! | `player` | textures and scenes in real time |
 //! | `playing` | arguments that stand for a library; textures rendered, scenes compiled |
 //! | `device` | a stylus on a link |
@@ -37,6 +38,7 @@ mod options;
 mod player;
 mod playing;
 mod recording;
+mod rendering;
 mod scene;
 mod work;
 
@@ -61,7 +63,9 @@ mod native {
     #[pymodule_export]
     use crate::recording::{Recording, Recordings, paper_rig, simulate_rig};
     #[pymodule_export]
-    use crate::scene::{Scene, write_words};
+    use crate::rendering::write_words;
+    #[pymodule_export]
+    use crate::scene::Scene;
 
     use super::error;
     use super::evaluating::{compare, evaluate, page};

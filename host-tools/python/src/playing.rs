@@ -12,8 +12,8 @@ use crate::convert::plain;
 use crate::error::{raised, refused, warn};
 use crate::library::Library;
 use crate::motion::{Along, Asked, MotionLike, warn_of_motion};
+use crate::rendering::{Played, rendered};
 use crate::scene::Scene;
-use crate::scene::{Played, rendered};
 
 /// A library, a fit, or the path of a library.
 #[derive(FromPyObject)]

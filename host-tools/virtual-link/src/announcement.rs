@@ -239,50 +239,51 @@ mod tests {
         drop(second);
         assert!(announced_in(folder.path()).is_empty());
     }
-}
 
-#[cfg(all(test, unix))]
-mod folder_tests {
-    use std::fs::{Permissions, create_dir, set_permissions};
-    use std::os::unix::fs::{MetadataExt, PermissionsExt, symlink};
+    /// The folder of the announcements, whose owner and permissions are checked on Unix.
+    #[cfg(unix)]
+    mod folder {
+        use std::fs::{Permissions, create_dir, set_permissions};
+        use std::os::unix::fs::{MetadataExt, PermissionsExt, symlink};
 
-    use super::*;
+        use super::*;
 
-    #[test]
-    fn a_name_that_another_user_took_in_the_temporary_folder_keeps_nobody_out() {
-        let bench = tempfile::tempdir().unwrap();
-        let at = |name: &str| bench.path().join(name);
-        for name in ["runtime", "home"] {
-            create_dir(at(name)).unwrap();
+        #[test]
+        fn a_name_that_another_user_took_in_the_temporary_folder_keeps_nobody_out() {
+            let bench = tempfile::tempdir().unwrap();
+            let at = |name: &str| bench.path().join(name);
+            for name in ["runtime", "home"] {
+                create_dir(at(name)).unwrap();
+            }
+            // A folder of another user could not be entered or removed. A file stands for it here, because it is as
+            // useless.
+            std::fs::write(at("temporary"), "").unwrap();
+            let (runtime, home, temporary) = (at("runtime"), at("home"), at("temporary"));
+            let first = |runtime: Option<&Path>, home| first_of(runtime, home, &temporary).ok();
+            assert_eq!(first(Some(&runtime), Some(&home)), Some(runtime.join("stylus")));
+            assert_eq!(first(Some(&at("gone")), Some(&home)), Some(home.join(".stylus")));
+            assert_eq!(first(None, Some(&home)), Some(home.join(".stylus")));
+            assert_eq!(first(None, None), None);
         }
-        // A folder of another user could not be entered or removed. A file stands for it here, because it is as
-        // useless.
-        std::fs::write(at("temporary"), "").unwrap();
-        let (runtime, home, temporary) = (at("runtime"), at("home"), at("temporary"));
-        let first = |runtime: Option<&Path>, home| first_of(runtime, home, &temporary).ok();
-        assert_eq!(first(Some(&runtime), Some(&home)), Some(runtime.join("stylus")));
-        assert_eq!(first(Some(&at("gone")), Some(&home)), Some(home.join(".stylus")));
-        assert_eq!(first(None, Some(&home)), Some(home.join(".stylus")));
-        assert_eq!(first(None, None), None);
-    }
 
-    #[test]
-    fn a_folder_that_others_may_enter_or_that_is_a_link_is_refused() {
-        let bench = tempfile::tempdir().unwrap();
-        let own = bench.path().join("own");
-        assert_eq!(private(&own).unwrap(), own);
-        assert_eq!(own.metadata().unwrap().mode() & 0o777, 0o700);
-        assert_eq!(private(&own).unwrap(), own);
-        let open = bench.path().join("open");
-        create_dir(&open).unwrap();
-        set_permissions(&open, Permissions::from_mode(0o750)).unwrap();
-        let link = bench.path().join("link");
-        symlink(&own, &link).unwrap();
-        let file = bench.path().join("file");
-        std::fs::write(&file, "").unwrap();
-        for folder in [open, link, file] {
-            let message = private(&folder).unwrap_err().to_string();
-            assert!(message.contains("remove it"), "{message}");
+        #[test]
+        fn a_folder_that_others_may_enter_or_that_is_a_link_is_refused() {
+            let bench = tempfile::tempdir().unwrap();
+            let own = bench.path().join("own");
+            assert_eq!(private(&own).unwrap(), own);
+            assert_eq!(own.metadata().unwrap().mode() & 0o777, 0o700);
+            assert_eq!(private(&own).unwrap(), own);
+            let open = bench.path().join("open");
+            create_dir(&open).unwrap();
+            set_permissions(&open, Permissions::from_mode(0o750)).unwrap();
+            let link = bench.path().join("link");
+            symlink(&own, &link).unwrap();
+            let file = bench.path().join("file");
+            std::fs::write(&file, "").unwrap();
+            for folder in [open, link, file] {
+                let message = private(&folder).unwrap_err().to_string();
+                assert!(message.contains("remove it"), "{message}");
+            }
         }
     }
 }

@@ -27,8 +27,8 @@ pub mod model {
     pub mod encoder;
     pub mod flash;
     pub mod oscillators;
+    pub mod pins;
     pub mod ram;
-    pub mod read_back;
     pub mod trigger;
     pub mod usb;
     pub mod watchdog;

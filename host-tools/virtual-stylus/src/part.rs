@@ -23,7 +23,7 @@ use crate::model::dac::{Dac, TIM6_TRIGGER, TIM7_TRIGGER};
 use crate::model::encoder::Quadrature;
 use crate::model::flash::{Busy, Journal, Unreadable};
 use crate::model::oscillators::{LowSpeedInput, Oscillators};
-use crate::model::read_back::{Drive, PinRecord, ReadBack};
+use crate::model::pins::{Drive, PinRecord, ReadBack};
 use crate::model::trigger::TriggerOutput;
 use crate::model::usb::host::Host;
 use crate::model::usb::{self, Usb};

@@ -21,7 +21,7 @@ use crate::emulation::{Command, Hands, Options, PowerCut, start};
 use crate::model::adc::{Pins, Sample};
 use crate::model::dac::Output;
 use crate::model::flash::{Contents, Moment, Operation, Stalls};
-use crate::model::read_back::Driven;
+use crate::model::pins::Driven;
 use crate::model::usb::host::Host as UsbHost;
 use crate::motion::Motion;
 use crate::tick::Tick;

@@ -1,13 +1,24 @@
-//! A device behind a TCP port.
+//! A device behind a TCP port, and its clock, which no load of the computer disturbs.
+//!
+//! The clock follows real time only as far as the host keeps up. Each frame of the host grants the device some time,
+//! and at the end of that time the clock waits for the next frame, as if the device had not noticed that the host was
+//! late. A play is therefore never muted because this computer did not run the host in time. Time that the device's own
+//! thread has lost is not made up for, so that no recording comes in a burst.
+//!
+//! What needs no host goes on freely: a recording, a job of the storage, and a device that nobody is connected to. A
+//! test that is about a silent host, such as the end of a lease, lets time pass by [`FakeStylus::pass`].
 
 use std::net::TcpListener;
 use std::pin::pin;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Waker};
 use std::thread::{self, JoinHandle};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use model_format::link::{ImageVersion, LinkId, MotionSample, MotionTopic, RecordBlock, RecordBlockTopic};
+use model_format::link::{
+    Activity, ImageVersion, LINK_LOST_AFTER_MS, LinkId, MotionSample, MotionSource, MotionTopic, RecordBlock,
+    RecordBlockTopic, STALE_AFTER_MS, Status,
+};
 use postcard_rpc::Topic;
 use postcard_rpc::header::{VarHeader, VarKey};
 use stylus_app::SAMPLE_RATE_HZ;
@@ -19,7 +30,6 @@ use stylus_boot::record::{EXCHANGED, Record, Store, mark};
 use crate::actuator::Actuator;
 use crate::board::Board;
 use crate::board::Hand;
-use crate::connection::Clock;
 use crate::connection::{Connection, Faults};
 use crate::device::{Flash, SharedControl, SteppedStylus};
 use crate::flash::{Damage, Memory, SimulatedFlash};
@@ -293,6 +303,119 @@ fn updates(image: StartedImage) -> Updates<Flash> {
         takes_unsigned: false,
     };
     Updates::new(store, running)
+}
+
+/// Longest step of the clock, even if the device's thread was not run for longer.
+const LONGEST_STEP: Duration = Duration::from_millis(5);
+
+/// Time that a motion grants. With it and [`OTHER_GRANT`] for a status after each, there are more than 60 motions per
+/// second of the clock, the least that a play may have.
+const MOTION_GRANT: Duration = Duration::from_millis(14);
+
+/// Time that a keep-alive grants a device that plays without motions of the host. A host sends several of them in this
+/// time, each when it has received blocks of a recording.
+const KEEP_ALIVE_GRANT: Duration = Duration::from_millis(40);
+
+/// Time that a keep-alive grants while motions are due: the interval in which a host sends keep-alives.
+const KEEP_ALIVE_WITHOUT_MOTION_GRANT: Duration = Duration::from_millis(10);
+
+/// Time that any other frame grants while a host holds the lease. It is short, because such a frame renews nothing.
+const OTHER_GRANT: Duration = Duration::from_millis(2);
+
+/// Time that a frame grants a device at which no host holds the lease.
+const IDLE_GRANT: Duration = Duration::from_millis(10);
+
+const _: () = assert!(
+    MOTION_GRANT.as_millis() < STALE_AFTER_MS as u128 && KEEP_ALIVE_GRANT.as_millis() < LINK_LOST_AFTER_MS as u128
+);
+
+/// The clock of a device behind a connection.
+struct Clock {
+    /// Time since the device's start.
+    time: Duration,
+    /// Instant at which the clock was last set.
+    set_at: Instant,
+    /// End of the time that the host's frames have granted.
+    granted: Duration,
+    /// Link whose present connection was the last that asked to play. A lease of an earlier connection is not waited
+    /// for.
+    player: Option<LinkId>,
+}
+
+impl Clock {
+    /// Creates a clock that shows `time`.
+    fn new(time: Duration) -> Self {
+        Self {
+            time,
+            set_at: Instant::now(),
+            granted: time,
+            player: None,
+        }
+    }
+
+    /// Time since the device's start.
+    fn time(&self) -> Duration {
+        self.time
+    }
+
+    /// Begins a connection on the link `id`, whose host has not said anything yet.
+    fn connect(&mut self, id: LinkId) {
+        self.granted = self.time;
+        self.end(id);
+    }
+
+    /// Ends the connection on the link `id`.
+    fn end(&mut self, id: LinkId) {
+        self.player.take_if(|player| *player == id);
+    }
+
+    /// Grants the time that belongs to a frame for `path` on the link `id`, which has left the device with `status`.
+    fn hear(&mut self, id: LinkId, path: &str, status: &Status) {
+        if matches!(path, "stylus/play" | "stylus/probe/start") {
+            self.player = Some(id);
+        }
+        let follows_host = matches!(
+            status.output.activity,
+            Activity::Playing {
+                motion: MotionSource::Host,
+                ..
+            }
+        );
+        let grant = match path {
+            _ if !self.is_held(status) => IDLE_GRANT,
+            "stylus/motion" | "stylus/motion/live" => MOTION_GRANT,
+            "stylus/play" | "stylus/keep-alive" if follows_host => KEEP_ALIVE_WITHOUT_MOTION_GRANT,
+            "stylus/play" | "stylus/probe/start" | "stylus/keep-alive" => KEEP_ALIVE_GRANT,
+            _ => OTHER_GRANT,
+        };
+        self.granted = self.granted.max(self.time + grant);
+    }
+
+    /// Returns true while a connected host holds the lease.
+    fn is_held(&self, status: &Status) -> bool {
+        self.player.is_some() && status.lease.is_alive
+    }
+
+    /// Lets the clock go on with real time. Unless the device `is_free` of its host, the clock waits at the end of the
+    /// granted time while the host holds the lease, or while nothing is recorded.
+    fn follow(&mut self, status: &Status, is_free: bool) {
+        let now = Instant::now();
+        let step = (now - std::mem::replace(&mut self.set_at, now)).min(LONGEST_STEP);
+        let next = self.time + step;
+        let waits = !is_free && (self.is_held(status) || !status.record.recording);
+        self.time = if waits {
+            next.min(self.granted).max(self.time)
+        } else {
+            next
+        };
+    }
+
+    /// Lets up to `time` pass, whatever the host does. Returns how much has passed.
+    fn pass(&mut self, time: Duration) -> Duration {
+        let step = time.min(LONGEST_STEP);
+        self.time += step;
+        step
+    }
 }
 
 /// The ports of the stylus's links.

@@ -14,7 +14,7 @@ use std::time::Instant;
 
 use operations::{CUT_AT_OPERATION, LINKS_BROKEN, OPERATIONS, Operation, ROLLED_BACK};
 use virtual_stylus::model::dac::{Cause, Output};
-use virtual_stylus::model::read_back::{Drive, Driven};
+use virtual_stylus::model::pins::{Drive, Driven};
 use world::{RESETS, World};
 
 use crate::device::{CODE_NS, MID_SCALE, SECOND};

@@ -21,7 +21,7 @@ use crate::requests::announced;
 use crate::scenes::force_code;
 use crate::self_test::quiet;
 use crate::update::{NAME, version};
-use crate::usb_requests::{arm, has_happened};
+use crate::usb_mishaps::{arm, has_happened};
 
 /// Longest time from a fault to the reset by the watchdog, and to the reset by a handler.
 const BITTEN_NS: u64 = 700 * MS;

@@ -17,11 +17,11 @@
 //! `host-tools/manual/COSTS.md`, "Speed of the hand", compares noise and delay of the estimate with those of a mean of
 //! 20 ms.
 //!
+//! The [`Tracker`] computes the position when a block's last sample is felt, for lines that are tied to position.
+//!
 //! The position that is felt is wrong by at most 5 µm RMS, and by at most one count, at 20 to 300 mm/s. The phase noise
 //! of a line with a period of 0.6 mm is therefore at most 3° RMS. `firmware/app/tests/app/speed.rs` and `lines.rs` hold
 //! these figures.
-//!
-//! The [`Tracker`] computes the position when a block's last sample is felt, for lines that are tied to position.
 //!
 //! **From the encoder.** The motion of the [`Estimator`] is extrapolated by [`LEAD_TICKS`]. It has no lag at constant
 //! speed or constant acceleration. While the hand reverses from 100 mm/s, the position is wrong by less than a count if

@@ -14,10 +14,10 @@ use stylus_fit::texture::quantise::reflection;
 use stylus_plant::{Complex, Plant};
 
 /// Bands per octave.
-const PER_OCTAVE: f64 = 12.0;
+const BANDS_PER_OCTAVE: f64 = 12.0;
 
 /// Centre of the lowest band, Hz.
-const LOWEST_HZ: f64 = 20.0;
+const LOWEST_BAND_HZ: f64 = 20.0;
 
 /// Number of bands. The centre of the last is the highest one up to 1 kHz.
 const BANDS: usize = 68;
@@ -34,12 +34,12 @@ const MODEL_BINS: usize = 5001;
 
 /// Centres of the bands, Hz, ascending.
 pub fn band_centres_hz() -> impl Iterator<Item = f64> {
-    (0..BANDS).map(|band| LOWEST_HZ * (band as f64 / PER_OCTAVE).exp2())
+    (0..BANDS).map(|band| LOWEST_BAND_HZ * (band as f64 / BANDS_PER_OCTAVE).exp2())
 }
 
 /// Lower and upper edge of each band, Hz.
 fn band_edges_hz() -> impl Iterator<Item = (f64, f64)> {
-    let half = (0.5 / PER_OCTAVE).exp2();
+    let half = (0.5 / BANDS_PER_OCTAVE).exp2();
     band_centres_hz().map(move |centre| (centre / half, centre * half))
 }
 
@@ -124,14 +124,14 @@ pub fn recorded_spectrum(signals: &[Vec<f64>]) -> Option<Spectrum> {
 }
 
 /// Spacing of the response's frequencies, Hz. It gives an impulse response half a second long.
-const STEP_HZ: f64 = 2.0;
+const RESPONSE_STEP_HZ: f64 = 2.0;
 
 /// Highest of the response's frequencies, Hz. A kernel at 10 kHz plays nothing above it.
-const HIGHEST_HZ: f64 = 5000.0;
+const RESPONSE_HIGHEST_HZ: f64 = 5000.0;
 
 /// Sample rate for which a calibration's equaliser is designed here, Hz. Below 1 kHz an equaliser for 5 kHz has the
 /// same effect.
-const RATE_HZ: f64 = 10_000.0;
+const EQUALISER_RATE_HZ: f64 = 10_000.0;
 
 /// Frequencies at which a calibration measures, Hz.
 const MEASURED_HZ: std::ops::RangeInclusive<u32> = 10..=1000;
@@ -161,11 +161,11 @@ impl TipData {
         // A plant without a finite response is not equalised.
         let designed = Response::new(points.collect())
             .ok()
-            .and_then(|response| design(&response, RATE_HZ, CALIBRATION_GAIN_DB).ok());
+            .and_then(|response| design(&response, EQUALISER_RATE_HZ, CALIBRATION_GAIN_DB).ok());
         let sections = designed.map_or_else(Vec::new, |design| design.biquads);
         Self {
             name: name.to_owned(),
-            step_hz: STEP_HZ,
+            step_hz: RESPONSE_STEP_HZ,
             tip: levelled(|hz| plant.response(hz)),
             calibrated: levelled(|hz| plant.response(hz) * cascade(&sections, hz)),
         }
@@ -180,10 +180,10 @@ fn levelled(response: impl Fn(f64) -> Complex<f64>) -> String {
         .map(|band| LEVEL_FROM_HZ * 2_f64.powf(f64::from(band) / 3.0))
         .map(|hz| response(hz).norm().ln());
     let level = (logarithms.sum::<f64>() / f64::from(LEVEL_BANDS)).exp();
-    let steps = (HIGHEST_HZ / STEP_HZ) as u32;
+    let steps = (RESPONSE_HIGHEST_HZ / RESPONSE_STEP_HZ) as u32;
     // The response at zero frequency is set to zero, because a stylus that hangs free has no steady state.
     let parts = (1..=steps)
-        .map(|step| response(f64::from(step) * STEP_HZ) / level)
+        .map(|step| response(f64::from(step) * RESPONSE_STEP_HZ) / level)
         .flat_map(|response| [response.re, response.im]);
     let bytes: Vec<u8> = [0.0, 0.0]
         .into_iter()
@@ -195,7 +195,7 @@ fn levelled(response: impl Fn(f64) -> Complex<f64>) -> String {
 
 /// Returns the response at `hz` of `sections` in series.
 fn cascade(sections: &[Biquad], hz: f64) -> Complex<f64> {
-    let delay = Complex::cis(-std::f64::consts::TAU * hz / RATE_HZ);
+    let delay = Complex::cis(-std::f64::consts::TAU * hz / EQUALISER_RATE_HZ);
     let of = |section: &Biquad| {
         let ([b0, b1, b2], [a1, a2]) = (section.numerator(), section.denominator());
         ((delay * b2 + b1) * delay + b0) / ((delay * a2 + a1) * delay + 1.0)

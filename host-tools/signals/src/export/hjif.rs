@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use stylus_support::{date, progress};
 
 use super::largest;
-use super::wavelet_stream::{Coder, HEAD, code, transform};
+use super::wavelet_stream::{Coder, HEAD, partition, transform};
 
 /// Rate of the band, Hz. The duration of a block in samples and in milliseconds must both be powers of two, which 5 and
 /// 10 kHz do not allow.
@@ -66,7 +66,7 @@ fn stream(mut block: [f64; BLOCK]) -> Vec<u8> {
     // The head is 4 bits of the highest bit, one of the scale's kind and 7 of the scale, each with its lowest bit
     // first.
     (0..12).for_each(|bit| coder.push(HEAD, head >> bit & 1 == 1));
-    code(&coefficients, HIGHEST_BIT, |context, bit| {
+    partition(&coefficients, HIGHEST_BIT, |context, bit| {
         coder.push(context, bit);
     });
     coder.finish()

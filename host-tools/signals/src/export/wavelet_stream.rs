@@ -11,7 +11,7 @@ use std::f64::consts::SQRT_2;
 
 /// Coefficients of the lifting steps in pairs: from the even samples to their odd neighbours, and from the odd samples
 /// to their even neighbours.
-const STEPS: [(f64, f64); 2] = [
+const LIFTING_STEPS: [(f64, f64); 2] = [
     (-1.586_134_342_059_924, -0.052_980_118_572_961),
     (0.882_911_075_530_934, 0.443_506_852_043_971),
 ];
@@ -40,7 +40,7 @@ fn split(samples: &mut [f64]) {
     let half = samples.len() / 2;
     let mut means: Vec<f64> = samples.iter().copied().step_by(2).collect();
     let mut details: Vec<f64> = samples.iter().copied().skip(1).step_by(2).collect();
-    for (to_details, to_means) in STEPS {
+    for (to_details, to_means) in LIFTING_STEPS {
         for n in 0..half {
             // The mirror image of a block shows the same neighbour beyond its end.
             details[n] += to_details * (means[n] + means[(n + 1).min(half - 1)]);
@@ -67,11 +67,11 @@ const FAR_BELOW: usize = 5;
 const REFINEMENT: usize = 6;
 
 /// Number of coefficients that are coded one by one from the start. The second half of them are the roots of trees.
-const FIRST: usize = 8;
+const SINGLE_AT_START: usize = 8;
 
-/// Encodes `coefficients`, from bit `highest` of their magnitudes to bit 0. Their number is a power of two and at least
-/// eight. `put` receives the context and then the bit.
-pub fn code(coefficients: &[i32], highest: u32, mut put: impl FnMut(usize, bool)) {
+/// Encodes `coefficients` by set partitioning, from bit `highest` of their magnitudes to bit 0. Their number is a power
+/// of two and at least eight. `put` receives the context and then the bit.
+pub fn partition(coefficients: &[i32], highest: u32, mut put: impl FnMut(usize, bool)) {
     let count = coefficients.len();
     let magnitude = |i: usize| coefficients[i].unsigned_abs();
     // Largest magnitude below each root in its tree.
@@ -81,10 +81,12 @@ pub fn code(coefficients: &[i32], highest: u32, mut put: impl FnMut(usize, bool)
         let largest = [2 * root, 2 * root + 1].map(|child| magnitude(child).max(below[child]));
         below[root] = largest[0].max(largest[1]);
     }
-    let (mut small, mut large): (Vec<_>, Vec<_>) = ((0..FIRST).collect(), Vec::new());
+    let (mut small, mut large): (Vec<_>, Vec<_>) = ((0..SINGLE_AT_START).collect(), Vec::new());
     // Roots of sets in which all coefficients are below the threshold so far. A set is everything below a root, or
     // everything below the root's children.
-    let mut sets: Vec<_> = (FIRST / 2..FIRST).map(|root| (root, BELOW)).collect();
+    let mut sets: Vec<_> = (SINGLE_AT_START / 2..SINGLE_AT_START)
+        .map(|root| (root, BELOW))
+        .collect();
     for threshold in (0..=highest).rev().map(|bit| 1 << bit) {
         let put_single = |i: usize, context, put: &mut dyn FnMut(usize, bool)| {
             let is_large = magnitude(i) >= threshold;
@@ -130,13 +132,13 @@ pub fn code(coefficients: &[i32], highest: u32, mut put: impl FnMut(usize, bool)
     }
 }
 
-/// Top of the range, and its half and quarter.
-const TOP: u32 = 1024;
-const HALF: u32 = TOP / 2;
-const QUARTER: u32 = TOP / 4;
+/// Top of the coder's range, and its half and quarter.
+const RANGE_TOP: u32 = 1024;
+const RANGE_HALF: u32 = RANGE_TOP / 2;
+const RANGE_QUARTER: u32 = RANGE_TOP / 4;
 
 /// Counts of zeros, and of all symbols, with which each context starts.
-const BEFORE: (u32, u32) = (8, 16);
+const START_COUNTS: (u32, u32) = (8, 16);
 
 /// A coder with the bits that it has written.
 pub struct Coder {
@@ -151,11 +153,11 @@ pub struct Coder {
 
 impl Default for Coder {
     fn default() -> Self {
-        let (bits, seen) = (Vec::new(), [BEFORE; CONTEXTS]);
+        let (bits, seen) = (Vec::new(), [START_COUNTS; CONTEXTS]);
         Self {
             bits,
             low: 0,
-            high: TOP,
+            high: RANGE_TOP,
             pending: 0,
             seen,
         }
@@ -166,10 +168,10 @@ impl Coder {
     /// Encodes one symbol of `context`.
     pub fn push(&mut self, context: usize, symbol: bool) {
         let (zeros, all) = &mut self.seen[context];
-        let share = (f64::from(*zeros) / f64::from(*all) * f64::from(TOP)).round() as u32;
+        let share = (f64::from(*zeros) / f64::from(*all) * f64::from(RANGE_TOP)).round() as u32;
         let range = self.high - self.low;
         // Both symbols keep a part of the range, otherwise an improbable one could not be written.
-        let split = self.low + (range * share / TOP).clamp(1, range - 1);
+        let split = self.low + (range * share / RANGE_TOP).clamp(1, range - 1);
         (self.low, self.high) = if symbol { (split, self.high) } else { (self.low, split) };
         *zeros += u32::from(!symbol);
         *all += 1;
@@ -179,16 +181,16 @@ impl Coder {
     /// Doubles the range until it is wider than a quarter, and writes the bits that are certain.
     fn widen(&mut self) {
         loop {
-            let below = if self.high <= HALF {
+            let below = if self.high <= RANGE_HALF {
                 self.put(false);
                 0
-            } else if self.low >= HALF {
+            } else if self.low >= RANGE_HALF {
                 self.put(true);
-                HALF
-            } else if self.low >= QUARTER && self.high <= TOP - QUARTER {
+                RANGE_HALF
+            } else if self.low >= RANGE_QUARTER && self.high <= RANGE_TOP - RANGE_QUARTER {
                 // The next bit is open, and the bit after it will be its inverse.
                 self.pending += 1;
-                QUARTER
+                RANGE_QUARTER
             } else {
                 return;
             };

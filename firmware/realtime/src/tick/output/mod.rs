@@ -17,6 +17,8 @@
 //! TIM7's updates come 12.5 µs before and after TIM6's, so a handler that is some microseconds late still reads the
 //! same position of the ring.
 //!
+//! **The self test.** [`by_hand`] lets it set codes while the amplifier is off; they take the same path.
+//!
 //! The ring must be neither in DTCM, which DMA does not reach (RM0433 section 2.1.6), nor cached.
 //! `boot/startup.rs` turns the channel on, at mid-scale and with TIM7's trigger selected, before anything else runs.
 

@@ -1,6 +1,7 @@
 //! Hosts and cables on USB that do what none should: control requests that no host should make, transfers that a host
-//! began and does not finish, and cables that are pulled and buses that are reset at any transaction. The device is
-//! enumerated again, the next command works, and the active library stays.
+//! began and does not finish, and cables that are pulled and buses that are reset at any transaction. A reset of the
+//! part is a pulled cable to the host. The device is enumerated again, the next command works, and the active library
+//! stays.
 
 use virtual_stylus::Options;
 use virtual_stylus::chance::Chance;
@@ -8,8 +9,8 @@ use virtual_stylus::model::usb::host::{Mishap, Transfer, TransferError};
 use virtual_stylus::usb_host::{Request, Timing, descriptor};
 
 use crate::device::{BULK_OUT, Device, MS, is_drawn, long};
+use crate::flash::state_of;
 use crate::library;
-use crate::settings::state_of;
 
 /// Time within which a request must be answered or fail, ns.
 const ANSWERED_NS: u64 = 100 * MS;

@@ -10,7 +10,7 @@ use virtual_stylus::model::flash::{BASE, BYTES, Contents, Kind, Operation, Stall
 use crate::device::{Device, long};
 use crate::library;
 use crate::requests::{announced, play_request};
-use crate::ticks::check_bounds;
+use crate::ticks::{MOST_GAP_US, check_bounds};
 
 /// The sectors of the settings, one per copy.
 const COPIES: [u32; 2] = [
@@ -73,6 +73,20 @@ fn an_unreadable_word_of_a_copy_loses_no_setting_and_of_both_copies_silences() {
     device.reset_settings().expect("the flash can be erased");
     device.set_coil();
     assert_eq!(play(&mut device), Ok(()));
+}
+
+#[test]
+fn settings_are_written_and_erased_while_ticks_go_on_and_nothing_waits_for_the_bank() {
+    let mut device = Device::with_library();
+    device.set(Setting::SoftStart, 100.0);
+    device.reset_settings().expect("they are erased");
+    let operations = device.stylus.flash_operations();
+    assert!(operations.len() > 3, "{operations:?}");
+    let stalls = device.stylus.flash_stalls();
+    assert_eq!(stalls, Stalls::default(), "nothing waits for a bank");
+    device.assert_undisturbed();
+    let marks = device.status().marks;
+    assert!(marks.longest_watchdog_gap_us <= MOST_GAP_US, "{marks:?}");
 }
 
 #[test]

@@ -1,6 +1,8 @@
-//! The output's pin at ADC2: PA4 is both DAC1's first output and INP18 of ADC1 and ADC2 (DS12110, pin definitions).
-//! ADC2 itself is the emulator's model. The wrapper here supplies the voltage at the instant of sampling, and the pin's
-//! faults.
+//! The two pins of the output: its voltage at ADC2, and the amplifier's enable.
+//!
+//! **The voltage**, [`ReadBack`]: PA4 is both DAC1's first output and INP18 of ADC1 and ADC2 (DS12110, pin
+//! definitions). ADC2 itself is the emulator's model. The wrapper here supplies the voltage at the instant of sampling,
+//! with the properties and faults of the [`OutputPin`].
 //!
 //! | What | Section |
 //! |---|---|
@@ -10,8 +12,8 @@
 //!
 //! Left out: channels other than 18, which read zero, and the load of the sampling capacitor.
 //!
-//! [`Drive`] wraps a port for the level that the part drives at a pin (chapter 11), around the emulator's model of the
-//! port.
+//! **The enable**, [`PinRecord`]: it wraps the emulator's model of the pin's port, and records every change of the
+//! [`Drive`], which is what the part does to the pin (chapter 11).
 //!
 //! A pin floats until the image makes it an output: after every reset all pins of the ports C to K are analogue
 //! (section 11.4.1). The level at which the board holds a floating pin is not modelled.
