@@ -176,18 +176,14 @@ fn principal_direction(axes: &[Vec<f64>]) -> Vector3<f64> {
 }
 
 fn dft321(axes: &[Vec<f64>]) -> Vec<f64> {
-    let samples = axes.first().map_or(0, Vec::len);
-    if samples == 0 {
+    let length = axes.first().map_or(0, Vec::len);
+    if length == 0 {
         return Vec::new();
     }
-    // A transform of the samples' number alone may be slow.
-    let length = fourier::quick_length(samples);
     let mut power = vec![0.0; length / 2 + 1];
     let mut sum = vec![Complex::new(0.0, 0.0); length / 2 + 1];
     for axis in axes {
-        let mut padded = axis.clone();
-        padded.resize(length, 0.0);
-        let spectrum = fourier::forward(&mut padded);
+        let spectrum = fourier::forward(&mut axis.clone());
         for ((power, sum), bin) in power.iter_mut().zip(&mut sum).zip(spectrum) {
             *power += bin.norm_sqr();
             *sum += bin;
@@ -203,12 +199,8 @@ fn dft321(axes: &[Vec<f64>]) -> Vec<f64> {
         };
     }
     let mut signal = fourier::inverse(&mut sum, length);
-    signal.truncate(samples);
-    // Of the energy, a little is beyond the last sample.
-    let all: f64 = axes.iter().map(|axis| energy(axis)).sum();
-    let scale = (all / energy(&signal)).sqrt();
-    if scale.is_finite() {
-        signal.iter_mut().for_each(|sample| *sample *= scale);
+    for sample in &mut signal {
+        *sample /= length as f64;
     }
     signal
 }

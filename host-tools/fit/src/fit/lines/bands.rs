@@ -63,7 +63,7 @@ impl Band {
 pub(super) struct WholeSpectrum {
     bins: Vec<Complex<f64>>,
     samples: usize,
-    /// Number of samples with the zeros that follow, because a transform of their number alone may be slow.
+    /// Number of samples with those that follow, because a transform of their number alone may be slow.
     length: usize,
 }
 
@@ -84,10 +84,16 @@ impl WholeSpectrum {
             return None;
         }
         let (samples, length) = (signal.len(), fourier::quick_length(signal.len()));
-        let mut padded = signal.to_vec();
-        padded.resize(length, 0.0);
+        // From the last sample back to the first, the end's mirror image goes over into the beginning's.
+        let spare = length - samples;
+        let images = signal.iter().rev().zip(signal[..spare].iter().rev()).enumerate();
+        let joined = images.map(|(n, (end, begin))| {
+            let share = (n as f64 + 0.5) / spare as f64;
+            (1.0 - share) * end + share * begin
+        });
+        let mut circle: Vec<f64> = signal.iter().copied().chain(joined).collect();
         Some(Self {
-            bins: fourier::forward(&mut padded),
+            bins: fourier::forward(&mut circle),
             samples,
             length,
         })
@@ -120,11 +126,24 @@ impl WholeSpectrum {
         bands
     }
 
+    /// Returns the band around `frequency_hz` with these edges.
+    pub(super) fn band(&self, frequency_hz: f64, edges_hz: [f64; 2]) -> Band {
+        Band {
+            frequency_hz,
+            edges_hz,
+            ln_chance: self.ln_chance(self.bins_of(edges_hz)),
+        }
+    }
+
     /// Returns the envelope of the band from `edges_hz[0]` to `edges_hz[1]`.
     pub(super) fn envelope(&self, edges_hz: [f64; 2]) -> Envelope {
+        self.envelope_of(self.bins_of(edges_hz))
+    }
+
+    fn bins_of(&self, edges_hz: [f64; 2]) -> [usize; 2] {
         let last = self.bins.len() - 1;
         let [low, high] = edges_hz.map(|hz| ((hz / self.step_hz()).round() as usize).clamp(1, last));
-        self.envelope_of([low, high.max(low)])
+        [low, high.max(low)]
     }
 
     fn envelope_of(&self, [low, high]: [usize; 2]) -> Envelope {
@@ -152,8 +171,8 @@ impl WholeSpectrum {
         let powers = || self.bins[low..=high].iter().map(Complex::norm_sqr);
         let (sum, squares) = powers().fold((0.0, 0.0), |(a, b), p| (a + p, b + p * p));
         // The equivalent number of independent intensities is bandwidth times duration; the mean square of a
-        // periodogram's values is twice the square of their expectation. Zeros after the samples make more values, but
-        // no more independent ones. One is subtracted, because few values give too high a number.
+        // periodogram's values is twice the square of their expectation. Samples that were added make more values,
+        // but no more independent ones. One is subtracted, because few values give too high a number.
         let share = self.samples as f64 / self.length as f64;
         let count = (2.0 * share * sum * sum / squares.max(f64::MIN_POSITIVE) - 1.0).max(1.0);
         let envelope = self.envelope_of([low, high]);

@@ -115,6 +115,25 @@ impl BandedTrial {
         let band = near().min_by(|a, b| a.ln_chance.total_cmp(&b.ln_chance))?;
         Some((*band, band.ln_chance + (near().count() as f64).ln()))
     }
+
+    /// Returns the band at `frequency_hz` in which a line that other trials show is followed, if it is steady: one that
+    /// shows by itself, or else one of these widths.
+    fn followed(&self, frequency_hz: f64) -> Option<Band> {
+        /// Half of a band's width, relative to its frequency.
+        const HALF_WIDTHS: [f64; 3] = [0.1, 0.2, 0.3];
+        let own = self.band_at(frequency_hz);
+        let around = || {
+            let bands = HALF_WIDTHS.map(|half| {
+                let edges_hz = [1.0 - half, 1.0 + half].map(|ratio| ratio * frequency_hz);
+                self.spectrum.band(frequency_hz, edges_hz)
+            });
+            let band = bands.into_iter().min_by(|a, b| a.ln_chance.total_cmp(&b.ln_chance))?;
+            Some((band, band.ln_chance + (HALF_WIDTHS.len() as f64).ln()))
+        };
+        let is_steady = |(_, ln_chance): &(Band, f64)| *ln_chance < LN_FOLLOWED_CHANCE;
+        let steady = own.filter(is_steady).or_else(|| around().filter(is_steady));
+        steady.map(|(band, _)| band)
+    }
 }
 
 /// Returns the number of speeds that show a line and the number of all `speeds`, if the first is at least `least` and
@@ -302,8 +321,8 @@ fn harmonics(courses: &[Option<Course>], speeds_mm_s: &[f64], least: usize) -> V
 fn course_of(heard: &BandedTrial, carrier: Carrier, signal: &[f64], ranges: &[Range<usize>]) -> Option<(Course, f64)> {
     let bands = (1..=4).filter_map(|harmonic| {
         let hz = f64::from(harmonic) * heard.frequency_hz(carrier);
-        let (band, ln_chance) = heard.band_at(hz).filter(|_| hz >= LOWEST_HZ)?;
-        (ln_chance < LN_FOLLOWED_CHANCE).then_some((harmonic, band))
+        let band = (LOWEST_HZ..=HIGHEST_HZ).contains(&hz).then(|| heard.followed(hz))?;
+        Some((harmonic, band?))
     });
     let told = bands.map(|(reference, band)| {
         let turns = heard.spectrum.envelope(band.edges_hz).turns(signal.len());
@@ -448,7 +467,7 @@ fn course_by(heard: &BandedTrial, told: &LineFundamental, signal: &[f64], ranges
         place_mm: turns.iter().map(|turns| turns * wavelength_mm).collect(),
         held: magnitudes
             .iter()
-            .map(|magnitude| (magnitude / (0.5 * loudest).max(f64::MIN_POSITIVE)).min(1.0))
+            .map(|magnitude| (magnitude / (loudest / 1.5).max(f64::MIN_POSITIVE)).min(1.0))
             .collect(),
         reference,
         amplitudes,
