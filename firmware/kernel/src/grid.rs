@@ -1,4 +1,4 @@
-//! Position of a motion on a texture's grid: the four nodes around it, their weights, and the fade below the lowest speed and force.
+//! Position of a motion on a texture's grid: the nodes around it, their weights, and the fade below the lowest of them.
 
 use model_format::{Axis, FadeLaw, MillimetresPerSecond, Newton, Texture};
 

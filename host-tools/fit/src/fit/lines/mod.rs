@@ -3,9 +3,9 @@
 //!
 //! Lines are sought jointly in all trials of a texture (`search`), except those that are silent, idle or dropped. Where
 //! triage cut a part out of a trial, the phase jumps, so that each stretch between cuts is a trial here. In each trial
-//! the lines are then fitted by least squares over the position of the surface under the tool (`track`) and subtracted (`separate`),
-//! so that the stochastic model is fitted to the remainder. As much of each line stays in the signal as noise would
-//! have there, so that the remainder has neither a line nor a hole.
+//! the lines are then fitted by least squares over the position of the surface under the tool (`track`) and subtracted
+//! (`separate`), so that the stochastic model is fitted to the remainder. As much of each line stays in the signal as
+//! noise would have there, so that the remainder has neither a line nor a hole.
 //!
 //! A line whose frequency is the same at all speeds, such as mains hum, is only reported. It stays in the signal; the
 //! search removes it from its own copy, so that it is not taken for a line of the surface.
