@@ -36,7 +36,7 @@ pub fn slow_share(axes: &[Vec<f64>], rate_hz: f64) -> f64 {
         slow += spectrum.power_between(0.0, SLOW_HZ);
         // The rest of the variance is within the groups.
         let within = variance(axis) - variance(&means);
-        all += spectrum.power_between(0.0, 0.5 * MEANS_HZ) + within.max(0.0);
+        all += spectrum.power_between(0.0, 0.5 * rate_hz) + within.max(0.0);
     }
     if all > 0.0 { slow / all } else { 0.0 }
 }

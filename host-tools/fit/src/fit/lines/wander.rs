@@ -71,8 +71,9 @@ pub(super) struct Weave {
 pub(super) struct Course {
     /// Position at each sample, mm, with its wander.
     pub place_mm: Vec<f64>,
-    /// Factor of the line at each sample: 1, or less where its band holds less than half of it. There noise cancels the
-    /// line, the phase jumps, and all of the line with that phase would be noise in other bands.
+    /// Factor of the line at each sample: 1, or less where its band holds less than two thirds of it. There noise
+    /// cancels the line, the phase jumps, and all of the line with that phase would be noise in other bands. With no
+    /// more than what the band holds, the remainder would be steadier than noise.
     pub held: Vec<f64>,
     /// Number of the harmonic whose phase gives the position.
     reference: u32,
