@@ -10,6 +10,7 @@
 
 use std::ops::Range;
 
+use model_format::SAMPLE_RATE_HZ;
 use model_format::limits::MAX_CODEBOOKS;
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -71,9 +72,15 @@ pub struct Evidence {
 }
 
 impl Evidence {
-    /// Judges a `residual` behind a filter with these `reflection` coefficients, without its `flaws`. It is that of one
-    /// of the `trials` of a texture.
-    pub(super) fn of(residual: &[f64], flaws: &[Range<usize>], reflection: &[f64], trials: usize) -> Self {
+    /// Judges a `residual` behind a filter with these `reflection` coefficients, without its `flaws`, in the band
+    /// `known_hz` that its recording holds. It is that of one of the `trials` of a texture.
+    pub(super) fn of(
+        residual: &[f64],
+        flaws: &[Range<usize>],
+        reflection: &[f64],
+        known_hz: &Range<f64>,
+        trials: usize,
+    ) -> Self {
         let all = (residual.len() / WINDOW).min(LONGEST);
         let is_clean = |n: &usize| {
             flaws
@@ -92,7 +99,12 @@ impl Evidence {
         let predictor = step_up(reflection);
         whitening[1..=predictor.len()].copy_from_slice(&predictor);
         let bins = fourier::forward(&mut whitening);
-        let filter: Vec<_> = bins[..=length / 5].iter().map(Complex::inv).collect();
+        let bin_hz = f64::from(SAMPLE_RATE_HZ) / length as f64;
+        let gain = |(bin, value): (usize, &Complex<f64>)| {
+            let is_known = known_hz.contains(&(bin as f64 * bin_hz));
+            if is_known { value.inv() } else { Complex::ZERO }
+        };
+        let filter: Vec<_> = bins[..=length / 5].iter().enumerate().map(gain).collect();
         let of = |excitation: &mut dyn Iterator<Item = Complex<f64>>| {
             let output: Vec<_> = excitation.zip(&filter).map(|(bin, filter)| bin * filter).collect();
             statistics(&output, &windows)
@@ -120,7 +132,7 @@ impl Evidence {
         };
         Self {
             scores: [score(0), score(1), score(2)],
-            seconds: (windows.len() * WINDOW) as f64 / f64::from(model_format::SAMPLE_RATE_HZ),
+            seconds: (windows.len() * WINDOW) as f64 / f64::from(SAMPLE_RATE_HZ),
         }
     }
 

@@ -142,6 +142,17 @@ fn none_of_a_hundred_textures_of_many_gaussian_recordings_is_taken_for_something
 }
 
 #[test]
+fn what_a_recording_does_not_hold_is_not_judged() {
+    let mut residual = noise(5, 20_000);
+    // A hum that comes and goes.
+    for (n, x) in residual.iter_mut().enumerate().filter(|(n, _)| n / 2500 % 2 == 0) {
+        *x += (std::f64::consts::TAU * 40.0 * n as f64 / 5000.0).sin();
+    }
+    let is_gaussian = |from_hz: f64| Evidence::of(&residual, &[], &[], &(from_hz..f64::INFINITY), 1).is_gaussian();
+    assert!(!is_gaussian(0.0) && is_gaussian(65.0));
+}
+
+#[test]
 fn seconds_too_few_for_a_small_difference_are_said_to_be_few() {
     let scores = [1.0; 3];
     let said = |seconds| Evidence { scores, seconds }.to_string().contains("few");

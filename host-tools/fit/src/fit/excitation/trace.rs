@@ -116,9 +116,9 @@ impl Trace {
             flaws.insert(0, 0..ENDS);
             flaws.push(length - ENDS..length);
         }
+        let known_hz = signal.cut_hz.map_or(0.0, lowest_hz)..carried_hz.unwrap_or(f64::INFINITY);
         if carried_hz.is_some() || signal.cut_hz.is_some() {
-            let from_hz = signal.cut_hz.map_or(0.0, lowest_hz);
-            residual = filled(&residual, &(from_hz..carried_hz.unwrap_or(f64::INFINITY)));
+            residual = filled(&residual, &known_hz);
         }
         let loudest = Loudest::of(samples, &signal.flaws);
         let most = loudest.times(MOST);
@@ -132,7 +132,7 @@ impl Trace {
         }
         let scale = 1.0 / power.sqrt();
         residual.iter_mut().for_each(|x| *x *= scale);
-        let evidence = Evidence::of(&residual, &flaws, &reflection, trials);
+        let evidence = Evidence::of(&residual, &flaws, &reflection, &known_hz, trials);
         Some(Self {
             at,
             reflection,
