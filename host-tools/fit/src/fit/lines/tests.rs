@@ -153,6 +153,21 @@ fn at_one_speed_a_steady_band_is_a_line_of_time() {
     are_plain_again((&signals, &plain, 0.05), (&shares, 1.0, 0.05));
 }
 
+/// The highest frequency is 2200 Hz. A band's peak may lie below it and the frequency of its phase above.
+#[test]
+fn a_steady_band_at_the_highest_frequency_is_a_line_or_none_without_a_fault() {
+    for step in 0..24 {
+        let (mut generator, mut signals) = surfaces(step, &[100.0], None);
+        let wander = gaussian_process(&mut generator, 1.2, 4.0);
+        for (n, x) in signals[0].iter_mut().enumerate() {
+            let time_s = n as f64 / RATE_HZ;
+            *x += (TAU * (2197.0 + 0.25 * step as f64) * time_s + wander(100.0 * time_s)).sin();
+        }
+        let (findings, _) = found(&[100.0], &mut signals);
+        assert!(findings.lines.len() < 2, "{findings}");
+    }
+}
+
 /// A Gaussian process of RMS `rms` and correlation length `length`: a sum of cosines whose wave numbers are drawn from
 /// its spectrum.
 fn gaussian_process(generator: &mut Pcg64, rms: f64, length: f64) -> impl Fn(f64) -> f64 + use<> {

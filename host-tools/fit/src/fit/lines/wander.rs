@@ -437,7 +437,10 @@ fn course_by(heard: &BandedTrial, told: &LineFundamental, signal: &[f64], ranges
     let hz = per_sample * f64::from(SAMPLE_RATE_HZ);
     let count = ((HIGHEST_HZ / hz) as u32).min(HARMONICS);
     let amplitudes = amplitudes_of(told, count as usize, ranges);
-    let loudest = amplitudes[reference as usize - 1].norm_sqr().sqrt();
+    // A line whose measured frequency is just beyond the highest has no amplitude, and nothing of it is subtracted.
+    let loudest = amplitudes
+        .get(reference as usize - 1)
+        .map_or(0.0, |a| a.norm_sqr().sqrt());
     let magnitudes = heard.spectrum.envelope(band.edges_hz).magnitudes(signal.len());
     let seconds = signal.len() as f64 / f64::from(SAMPLE_RATE_HZ);
     let half_hz = 0.5 * band.width_hz() / f64::from(reference);
